@@ -1,0 +1,1 @@
+"""One constraint a file, each a set of half-spaces."""

@@ -1,0 +1,1 @@
+"""The receding horizon and what it falls back to."""

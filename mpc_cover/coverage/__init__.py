@@ -1,0 +1,1 @@
+"""Nearest samples, the objective (4.34) and its convex majoriser."""

@@ -1,0 +1,42 @@
+"""What a user did wrong: one clear message, exit status 2, never a traceback."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+
+class UserError(Exception):
+    """A mistake that the user can mend; the message names what, where and what would be right."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake in an input: where it is, what was found, what would be right."""
+
+    path: str
+    value: object
+    right: str
+
+    def __str__(self) -> str:
+        shown = repr(self.value)
+        if len(shown) > 80:  # noqa: PLR2004 - a line of a terminal
+            shown = shown[:77] + "..."
+        return f"{self.path}: {shown}: {self.right}"
+
+
+class InvalidInputError(UserError):
+    """An input with one or more mistakes, all of them listed at once."""
+
+    def __init__(self, what: str, problems: Iterable[Problem]) -> None:
+        self.problems: Sequence[Problem] = tuple(problems)
+        count = len(self.problems)
+        lines = "".join(f"\n  {problem}" for problem in self.problems)
+        super().__init__(f"{what}: {count} problem{'s' if count != 1 else ''}{lines}")
+
+
+class UnreadableFileError(UserError):
+    """A file that is missing, truncated or not what it should be."""

@@ -1,0 +1,55 @@
+"""What is still owed: plain coverage, one look a cell and magnitude (thesis 5.2.1 with K = 1)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.model.sensing import measured
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.mission.load import Mission
+
+
+class CoverageMap:
+    """Marks cells as covered from measured positions, never from planned ones.
+
+    `first` is (J, K) [s]: when each magnitude was first measured on each cell, inf where never.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self._cell = mission.field.cell
+        self._radius = mission.fleet.radius
+        self.first: FloatArray = np.full((self._radius.shape[1], self._cell.shape[0]), np.inf)
+
+    def observe(self, time_s: float, position: FloatArray) -> None:
+        """Mark what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows see nothing."""
+        seen = measured(position, self._cell, self._radius)
+        self.first = np.where(seen, np.minimum(self.first, time_s), self.first)
+
+    @property
+    def owed(self) -> BoolArray:
+        """(J, K): what has not been measured yet; gamma of (4.34) as 0 or 1."""
+        return np.isinf(self.first)
+
+    @property
+    def covered_at(self) -> FloatArray:
+        """(K,) [s]: when the last magnitude was measured on each cell; inf where never."""
+        return np.asarray(self.first.max(axis=0))
+
+    @property
+    def covered_count(self) -> int:
+        """Number of cells on which everything was measured."""
+        return int(np.isfinite(self.covered_at).sum())
+
+    @property
+    def fraction(self) -> float:
+        """Covered part of the cells, 0 to 1; exactly 1 only when nothing is owed."""
+        return self.covered_count / self._cell.shape[0]
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is owed."""
+        return not bool(self.owed.any())

@@ -1,0 +1,129 @@
+"""A mission as the user writes it: frozen pydantic models, units in the field names.
+
+Nothing here computes; `field.py` and `fleet.py` turn these models into arrays.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+SCHEMA_VERSION = 1
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Point = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
+
+
+class Model(BaseModel):
+    """Frozen, and a misspelt key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
+
+
+class BoxShape(Model):
+    """An axis-aligned box, in two or three dimensions."""
+
+    kind: Literal["box"]
+    min_m: Point
+    max_m: Point
+
+
+class DiscShape(Model):
+    """A disc (a ball when the centre has three coordinates)."""
+
+    kind: Literal["disc"]
+    center_m: Point
+    radius_m: Positive
+
+
+class PolygonShape(Model):
+    """A simple polygon with holes; agents may cross what lies outside it."""
+
+    kind: Literal["polygon"]
+    outline_m: Annotated[tuple[Point, ...], Field(min_length=3)]
+    holes_m: tuple[Annotated[tuple[Point, ...], Field(min_length=3)], ...] = ()
+
+
+Shape = Annotated[BoxShape | DiscShape | PolygonShape, Field(discriminator="kind")]
+
+
+class Area(Model):
+    """The set of interest W, cut into square cells (thesis 3.2.2)."""
+
+    shape: Shape
+    cell_size_m: Positive
+    motion_min_m: Point | None = None
+    """Lower corner of the box that agents stay in (3.14); default: W's bounding box."""
+    motion_max_m: Point | None = None
+    """Upper corner of the box that agents stay in (3.13); default: W's bounding box."""
+
+
+Radius = Positive | dict[Name, Positive]
+
+
+class AgentSpec(Model):
+    """One agent; what it leaves out comes from `fleet.defaults`."""
+
+    id: Name
+    start_m: Point
+    sensing_radius_m: Radius | None = None
+    input_max_m_per_s2: Positive | None = None
+    speed_max_m_per_s: Positive | None = None
+
+
+class AgentDefaults(Model):
+    """What agents share."""
+
+    sensing_radius_m: Radius | None = None
+    input_max_m_per_s2: Positive | None = None
+    speed_max_m_per_s: Positive | None = None
+
+
+class FleetSpec(Model):
+    """The agents and what ties them together (4.18, 4.20)."""
+
+    defaults: AgentDefaults = AgentDefaults()
+    agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1, max_length=64)]
+    separation_min_m: NonNegative = 0.0
+    """rho_B of (4.18); 0 switches collision avoidance off."""
+    communication_range_m: Positive | None = None
+    """rho_C of (4.20); left out, connectivity is not asked for."""
+
+
+class Control(Model):
+    """The sampled controller."""
+
+    period_s: Positive = 0.5
+    """T_s of (4.23), and the period of the receding horizon."""
+    horizon_steps: Annotated[int, Field(ge=2, le=400)] = 20
+    deadline_fraction: Annotated[float, Field(gt=0, le=0.9)] = 0.5
+    """Part of the period that a control step may take before the ladder's next rung."""
+    planning_time_s: Positive = 6.0
+    """Bound on the thorough planning before the start, while everyone is at rest."""
+    time_limit_s: Positive = 600.0
+    """Mission time after which the controller gives up and says so."""
+    state_period_s: Positive = 0.1
+    """How often agents measure and report."""
+
+
+class Planning(Model):
+    """One offline solve (`mpc-cover plan`)."""
+
+    duration_s: Positive = 15.0
+
+
+class MissionSpec(Model):
+    """A whole mission file."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    name: Name
+    area: Area
+    fleet: FleetSpec
+    magnitudes: Annotated[tuple[Name, ...], Field(min_length=1)] = ("coverage",)
+    """What must be measured everywhere (Xi of 4.1); radii may differ for each."""
+    control: Control = Control()
+    planning: Planning = Planning()

@@ -1,0 +1,79 @@
+"""The fleet as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.config import AgentSpec, MissionSpec
+
+
+@dataclass(frozen=True, eq=False)
+class Fleet:
+    """m agents in d dimensions, J magnitudes.
+
+    Attributes
+    ----------
+    ids : agent ids, in the order of every array's agent axis.
+    start : (m, d) [m], at rest.
+    input_max, speed_max : (m,) [m/s^2], [m/s]  (3.11, 3.12).
+    radius : (m, J) [m]; -inf where agent i cannot measure magnitude j  (4.29).
+    separation_min : rho_B [m] (4.18); 0 when not asked for.
+    communication_range : rho_C [m] (4.20); inf when not asked for.
+    motion_min, motion_max : (d,) [m]  (3.13, 3.14).
+    """
+
+    ids: tuple[str, ...]
+    start: FloatArray
+    input_max: FloatArray
+    speed_max: FloatArray
+    radius: FloatArray
+    separation_min: float
+    communication_range: float
+    motion_min: FloatArray
+    motion_max: FloatArray
+
+    @property
+    def size(self) -> int:
+        """Number of agents m."""
+        return len(self.ids)
+
+    @property
+    def dimension(self) -> int:
+        """Number of spatial dimensions d."""
+        return int(self.start.shape[1])
+
+
+def agent_value(spec: MissionSpec, agent: AgentSpec, name: str) -> object:
+    """Return an agent's own value, or the fleet's default, or None."""
+    own = getattr(agent, name)
+    return own if own is not None else getattr(spec.fleet.defaults, name)
+
+
+def agent_radii(spec: MissionSpec, agent: AgentSpec) -> FloatArray:
+    """Return the (J,) sensing radii [m] of an agent, -inf for what it cannot measure."""
+    radius = agent_value(spec, agent, "sensing_radius_m")
+    if isinstance(radius, dict):
+        return np.array([radius.get(name, -np.inf) for name in spec.magnitudes], dtype=float)
+    return np.full(len(spec.magnitudes), float(radius))  # type: ignore[arg-type]
+
+
+def build_fleet(spec: MissionSpec, motion_min: FloatArray, motion_max: FloatArray) -> Fleet:
+    """Return the fleet of a mission that `validation` has passed."""
+    agents = spec.fleet.agents
+    reach = spec.fleet.communication_range_m
+    return Fleet(
+        ids=tuple(agent.id for agent in agents),
+        start=np.array([agent.start_m for agent in agents], dtype=float),
+        input_max=np.array([agent_value(spec, a, "input_max_m_per_s2") for a in agents], dtype=float),
+        speed_max=np.array([agent_value(spec, a, "speed_max_m_per_s") for a in agents], dtype=float),
+        radius=np.array([agent_radii(spec, a) for a in agents]),
+        separation_min=spec.fleet.separation_min_m,
+        communication_range=np.inf if reach is None else reach,
+        motion_min=motion_min,
+        motion_max=motion_max,
+    )

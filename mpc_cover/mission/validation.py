@@ -1,0 +1,147 @@
+"""What a mission must satisfy across its fields; every mistake is found in one go."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.errors import Problem
+from mpc_cover.mission.config import BoxShape, PolygonShape
+from mpc_cover.mission.field import bounding_box, build_field
+from mpc_cover.mission.fleet import agent_value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mpc_cover.mission.config import MissionSpec
+
+MAX_CELLS = 200_000
+
+
+def find_problems(spec: MissionSpec) -> list[Problem]:
+    """Return everything that is wrong with a mission whose fields are right one by one."""
+    shape = list(_shape_problems(spec))
+    area = [] if shape else list(_area_problems(spec))
+    return [*shape, *area, *_agent_problems(spec), *_fleet_problems(spec), *_control_problems(spec)]
+
+
+def _shape_problems(spec: MissionSpec) -> Iterator[Problem]:
+    shape = spec.area.shape
+    where = "area.shape"
+    if isinstance(shape, BoxShape):
+        if len(shape.min_m) != len(shape.max_m):
+            yield Problem(f"{where}.max_m", shape.max_m, f"must have {len(shape.min_m)} coordinates like min_m")
+        elif any(low >= high for low, high in zip(shape.min_m, shape.max_m, strict=True)):
+            yield Problem(f"{where}.max_m", shape.max_m, f"must be greater than min_m {shape.min_m} on each axis")
+    elif isinstance(shape, PolygonShape):
+        import shapely  # noqa: PLC0415 - only polygons need it
+
+        rings = (shape.outline_m, *shape.holes_m)
+        if any(len(point) != 2 for ring in rings for point in ring):  # noqa: PLR2004 - planar
+            yield Problem(f"{where}.outline_m", shape.outline_m, "points of a polygon have two coordinates")
+        elif not (polygon := shapely.Polygon(shape.outline_m, shape.holes_m)).is_valid:
+            reason = shapely.is_valid_reason(polygon)
+            yield Problem(where, "polygon", f"must be simple with its holes inside: {reason}")
+
+
+def _area_problems(spec: MissionSpec) -> Iterator[Problem]:
+    area = spec.area
+    lower, upper = bounding_box(area.shape)
+    count = float(np.prod(np.ceil((upper - lower) / area.cell_size_m)))
+    if count > MAX_CELLS:
+        yield Problem("area.cell_size_m", area.cell_size_m, f"gives {count:.0f} cells, more than {MAX_CELLS}")
+        return
+    if build_field(area).size == 0:
+        yield Problem("area.shape", area.shape.kind, "holds no cell centroid: a larger shape or smaller cells")
+    low = area.motion_min_m or tuple(lower)
+    high = area.motion_max_m or tuple(upper)
+    for name, corner in (("motion_min_m", low), ("motion_max_m", high)):
+        if len(corner) != len(lower):
+            yield Problem(f"area.{name}", corner, f"must have {len(lower)} coordinates like the shape")
+            return
+    if any(a >= b for a, b in zip(low, high, strict=True)):
+        yield Problem("area.motion_max_m", high, f"must be greater than motion_min_m {low} on each axis")
+    for index, agent in enumerate(spec.fleet.agents):
+        path = f"fleet.agents.{index}.start_m"
+        if len(agent.start_m) != len(lower):
+            yield Problem(path, agent.start_m, f"must have {len(lower)} coordinates like the area")
+        elif any(q < a or q > b for q, a, b in zip(agent.start_m, low, high, strict=True)):
+            yield Problem(path, agent.start_m, f"must lie between {low} and {high}, where agents may move")
+
+
+def _agent_problems(spec: MissionSpec) -> Iterator[Problem]:
+    seen: dict[str, int] = {}
+    measured: set[str] = set()
+    for index, agent in enumerate(spec.fleet.agents):
+        where = f"fleet.agents.{index}"
+        if agent.id in seen:
+            yield Problem(f"{where}.id", agent.id, f"is already the id of fleet.agents.{seen[agent.id]}")
+        seen[agent.id] = index
+        for name in ("sensing_radius_m", "input_max_m_per_s2", "speed_max_m_per_s"):
+            if agent_value(spec, agent, name) is None:
+                yield Problem(f"{where}.{name}", None, f"is missing: give it here or in fleet.defaults.{name}")
+        radius = agent_value(spec, agent, "sensing_radius_m")
+        if isinstance(radius, dict):
+            measured |= set(radius)
+            unknown = sorted(set(radius) - set(spec.magnitudes))
+            if unknown:
+                right = f"unknown magnitudes {unknown}: must be among {list(spec.magnitudes)}"
+                yield Problem(f"{where}.sensing_radius_m", radius, right)
+        elif radius is not None:
+            measured |= set(spec.magnitudes)
+    for name in spec.magnitudes:
+        if name not in measured:
+            yield Problem("magnitudes", name, "is measured by no agent: give one a sensing radius for it")
+
+
+def _fleet_problems(spec: MissionSpec) -> Iterator[Problem]:
+    fleet = spec.fleet
+    if len({len(agent.start_m) for agent in fleet.agents}) > 1:
+        return  # already said, agent by agent
+    start = np.array([agent.start_m for agent in fleet.agents])
+    reach = fleet.communication_range_m
+    if reach is not None and reach <= fleet.separation_min_m:
+        right = f"must be greater than separation_min_m {fleet.separation_min_m}"
+        yield Problem("fleet.communication_range_m", reach, right)
+    near: dict[int, set[int]] = {index: set() for index in range(len(start))}
+    for i, j in combinations(range(len(start)), 2):
+        distance = float(np.linalg.norm(start[i] - start[j]))
+        if distance < fleet.separation_min_m:
+            right = (
+                f"is {distance:.3g} m from {fleet.agents[i].id}, "
+                f"must be at least separation_min_m {fleet.separation_min_m} m"
+            )
+            yield Problem(f"fleet.agents.{j}.start_m", fleet.agents[j].start_m, right)
+        if reach is None or distance <= reach:
+            near[i].add(j)
+            near[j].add(i)
+    reached, todo = {0}, [0]
+    while todo:
+        new = near[todo.pop()] - reached
+        reached |= new
+        todo.extend(new)
+    for index in sorted(set(near) - reached):
+        right = f"is not connected to {fleet.agents[0].id} within communication_range_m {reach} m"
+        yield Problem(f"fleet.agents.{index}.start_m", fleet.agents[index].start_m, right)
+
+
+def _control_problems(spec: MissionSpec) -> Iterator[Problem]:
+    control = spec.control
+    for index, agent in enumerate(spec.fleet.agents):
+        speed = agent_value(spec, agent, "speed_max_m_per_s")
+        limit = agent_value(spec, agent, "input_max_m_per_s2")
+        if not isinstance(speed, float) or not isinstance(limit, float):
+            continue
+        braking = int(np.ceil(speed / (limit * control.period_s) - 1e-9))
+        if control.horizon_steps < braking + 2:
+            right = f"must be at least {braking + 2}: agent {index} brakes in {braking} steps"
+            yield Problem("control.horizon_steps", control.horizon_steps, right)
+            break
+    if control.state_period_s > control.period_s:
+        right = f"must be at most period_s {control.period_s}"
+        yield Problem("control.state_period_s", control.state_period_s, right)
+    if spec.planning.duration_s < 2 * control.period_s:
+        right = f"must be at least two periods of {control.period_s} s"
+        yield Problem("planning.duration_s", spec.planning.duration_s, right)

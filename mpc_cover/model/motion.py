@@ -1,0 +1,30 @@
+"""The double integrator under a zero-order hold, exactly (thesis 3.1, 3.17, 4.23)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+
+
+def roll_out(
+    position: FloatArray, velocity: FloatArray, force: FloatArray, period: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the motion (N+1, m, d) of positions [m] and velocities [m/s] under inputs (N, m, d) [m/s^2].
+
+    `position` and `velocity` are the (m, d) state at sample 0. Exact for inputs held over `period` [s]:
+    q+ = q + T v + T^2/2 u, v+ = v + T u  (3.17, 4.23).
+    """
+    steps = force.shape[0]
+    velocities = np.empty((steps + 1, *position.shape))
+    positions = np.empty_like(velocities)
+    velocities[0] = velocity
+    positions[0] = position
+    np.cumsum(period * force, axis=0, out=velocities[1:])
+    velocities[1:] += velocity
+    np.cumsum(period * velocities[:-1] + 0.5 * period**2 * force, axis=0, out=positions[1:])
+    positions[1:] += position
+    return positions, velocities

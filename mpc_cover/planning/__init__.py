@@ -1,0 +1,1 @@
+"""The subproblem, the guesses, the planner and the plan."""

@@ -1,0 +1,1 @@
+"""The daemon, the agents and their protocol."""

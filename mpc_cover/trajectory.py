@@ -1,0 +1,153 @@
+"""The record of a motion, and its file: one contract for plan, simulate, demo, check and plot."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpc_cover.errors import InvalidInputError, Problem, UnreadableFileError
+from mpc_cover.mission.load import Mission, mission_from_json
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A motion of the fleet, and what it measured.
+
+    Attributes
+    ----------
+    time : (T,) [s], strictly increasing from the start of the mission.
+    position, velocity : (T, m, d) [m], [m/s].
+    input : (T-1, m, d) [m/s^2], held constant over each interval.
+    cell : (K, d) centroids [m].
+    covered_at : (K,) [s], the first sample by which every magnitude was measured; inf where never.
+    agent_id : (m,) names.
+    mission : the whole mission.
+    meta : version, seed, back-end, kind ("plan", "simulate", "demo") and whatever else is worth keeping.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    input: FloatArray
+    cell: FloatArray
+    covered_at: FloatArray
+    agent_id: tuple[str, ...]
+    mission: Mission
+    meta: dict[str, Any] = field(default_factory=dict)
+
+
+def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
+    """Write the `.npz`; `meta` is a JSON string that holds the whole mission under "mission".
+
+    The same trajectory gives the same bytes: nothing of the wall clock goes in.
+    """
+    meta = {**trajectory.meta, "mission": json.loads(trajectory.mission.to_json())}
+    np.savez_compressed(
+        Path(path),
+        time=trajectory.time,
+        position=trajectory.position,
+        velocity=trajectory.velocity,
+        input=trajectory.input,
+        cell=trajectory.cell,
+        covered_at=trajectory.covered_at,
+        agent_id=np.array(trajectory.agent_id, dtype=str),
+        meta=np.array(json.dumps(meta, sort_keys=True)),
+    )
+
+
+_FLOATS = ("time", "position", "velocity", "input", "cell", "covered_at")
+
+
+def load_trajectory(path: str | Path) -> Trajectory:
+    """Read a trajectory file.
+
+    Raises
+    ------
+    UnreadableFileError
+        Missing, truncated, or not a trajectory file.
+    InvalidInputError
+        Arrays of wrong shapes, NaN or infinite values, an unordered time; all of them at once.
+    """
+    what = f"trajectory {path}"
+    try:
+        with np.load(Path(path), allow_pickle=False) as archive:
+            data = {name: archive[name] for name in (*_FLOATS, "agent_id", "meta") if name in archive.files}
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, AttributeError, NotImplementedError) as error:
+        detail = error.strerror if isinstance(error, OSError) and error.strerror else str(error) or "truncated"
+        raise UnreadableFileError(f"{what}: cannot be read: {' '.join(detail.split())}") from None
+    except Exception as error:  # noqa: BLE001 - zlib.error and whatever else a torn archive raises
+        raise UnreadableFileError(f"{what}: cannot be read: {error}") from None
+    if missing := [name for name in (*_FLOATS, "agent_id", "meta") if name not in data]:
+        raise UnreadableFileError(f"{what}: is not a trajectory file: lacks {', '.join(missing)}")
+    return _from_arrays(data, what)
+
+
+def _from_arrays(data: dict[str, Any], what: str) -> Trajectory:
+    problems = [
+        Problem(name, str(data[name].dtype), "must hold numbers")
+        for name in _FLOATS
+        if data[name].dtype.kind not in "fiu"
+    ]
+    if problems:
+        raise InvalidInputError(what, problems)
+    arrays: dict[str, FloatArray] = {name: np.asarray(data[name], dtype=float) for name in _FLOATS}
+    try:
+        meta = json.loads(str(data["meta"]))
+        mission_raw = json.dumps(meta.pop("mission"))
+    except (ValueError, KeyError, AttributeError, TypeError):
+        raise UnreadableFileError(f"{what}: meta is not a JSON object with a mission") from None
+    mission = mission_from_json(mission_raw, f"{what}: meta.mission")
+    problems = [*_shape_problems(arrays, data, mission), *_value_problems(arrays)]
+    if problems:
+        raise InvalidInputError(what, problems)
+    agent_id = tuple(str(name) for name in data["agent_id"])
+    return Trajectory(**arrays, agent_id=agent_id, mission=mission, meta=meta)
+
+
+def _shape_problems(arrays: dict[str, FloatArray], data: dict[str, Any], mission: Mission) -> list[Problem]:
+    samples = arrays["time"].size
+    agents, dimension = mission.fleet.size, mission.fleet.dimension
+    expected = {
+        "time": (samples,),
+        "position": (samples, agents, dimension),
+        "velocity": (samples, agents, dimension),
+        "input": (max(samples - 1, 0), agents, dimension),
+        "cell": mission.field.cell.shape,
+        "covered_at": (mission.field.size,),
+    }
+    problems = [
+        Problem(f"{name}.shape", arrays[name].shape, f"must be {shape}")
+        for name, shape in expected.items()
+        if arrays[name].shape != shape
+    ]
+    if samples < 2:  # noqa: PLR2004 - one interval
+        problems.append(Problem("time", arrays["time"].tolist(), "must hold at least two samples"))
+    ids = tuple(str(name) for name in np.atleast_1d(data["agent_id"]))
+    if ids != mission.fleet.ids:
+        problems.append(Problem("agent_id", ids, f"must be the mission's {mission.fleet.ids}"))
+    return problems
+
+
+def _value_problems(arrays: dict[str, FloatArray]) -> list[Problem]:
+    problems = []
+    for name in ("time", "position", "velocity", "input", "cell"):
+        bad = ~np.isfinite(arrays[name])
+        if bad.any():
+            where = tuple(int(i) for i in np.argwhere(bad)[0])
+            problems.append(Problem(f"{name}{list(where)}", float(arrays[name][where]), "must be finite"))
+    covered_at = arrays["covered_at"]
+    if (bad := np.isnan(covered_at) | (covered_at == -np.inf)).any():
+        index = int(np.argmax(bad))
+        problems.append(Problem(f"covered_at[{index}]", float(covered_at[index]), "must be a time, or inf where never"))
+    if arrays["time"].ndim == 1 and not (step := np.diff(arrays["time"]) > 0).all():
+        index = int(np.argmin(step)) + 1
+        problems.append(Problem(f"time[{index}]", float(arrays["time"][index]), "must be greater than the one before"))
+    return problems

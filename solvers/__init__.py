@@ -1,0 +1,1 @@
+"""QP back-ends and sequential quadratic programming; knows nothing of coverage."""
