@@ -1,1 +1,1 @@
-"""The independent verifier: shares no code with planning or solvers."""
+"""The independent verifier: shares no code with planner, controller or solvers."""

@@ -1,0 +1,92 @@
+"""What separation and connectivity share: the pairs of agents and how far apart they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.constraints.rows import Layout, Rows
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray, IntArray
+
+WITHIN = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
+"""Instants inside an interval at which pairs are looked at, as parts of it."""
+
+
+@lru_cache(maxsize=32)
+def all_pairs(agents: int) -> tuple[IntArray, IntArray]:
+    """Return the pairs i < j as two (pairs,) arrays."""
+    first, second = np.triu_indices(agents, 1)
+    return first, second
+
+
+@dataclass(frozen=True, eq=False)
+class PairDistances:
+    """Distances of all pairs along the continuous motion, sampled densely.
+
+    Attributes
+    ----------
+    difference : (N+1, pairs, d) q_i - q_j at the samples [m].
+    sampled : (N+1, pairs) its length [m].
+    least, most : (N, pairs) smallest and largest distance within each interval, ends included [m].
+    """
+
+    difference: FloatArray
+    sampled: FloatArray
+    least: FloatArray
+    most: FloatArray
+
+
+def pair_distances(position: FloatArray, velocity: FloatArray, period: float) -> PairDistances:
+    """Measure all pairs of a motion (N+1, m, d) under a zero-order hold."""
+    first, second = all_pairs(position.shape[1])
+    apart = position[:, first] - position[:, second]
+    sampled = _length(apart)
+    least = np.minimum(sampled[:-1], sampled[1:])
+    most = np.maximum(sampled[:-1], sampled[1:])
+    relative = velocity[:, first] - velocity[:, second]
+    bend = 0.5 * period * np.diff(relative, axis=0)  # T^2/2 (u_i - u_j)
+    for part in WITHIN:
+        inside = _length(apart[:-1] + (part * period) * relative[:-1] + part**2 * bend)
+        np.minimum(least, inside, out=least)
+        np.maximum(most, inside, out=most)
+    return PairDistances(apart, sampled, least, most)
+
+
+def elastic_pair_rows(
+    layout: Layout,
+    sample: IntArray,
+    pair: IntArray,
+    normal: FloatArray,
+    upper: FloatArray,
+    slack: IntArray,
+) -> Rows:
+    """Return rows normal . (q_i - q_j)(sample) - s <= upper.
+
+    `sample` (rows,), counted from 1; `pair` (rows,) indices into `all_pairs`; `normal` (rows, d);
+    `upper` (rows,) [m]; `slack` (rows,) number of the slack of each row.
+    """
+    first, second = all_pairs(layout.agents)
+    axes = np.arange(layout.dimension)
+    column = np.concatenate(
+        [
+            layout.position(sample, first[pair])[:, None] + axes,
+            layout.position(sample, second[pair])[:, None] + axes,
+        ],
+        axis=1,
+    )
+    value = np.concatenate([normal, -normal], axis=1)
+    row = np.repeat(np.arange(sample.size), column.shape[1])
+    lower = np.full(sample.size, -np.inf)
+    return Rows(row, column.ravel(), value.ravel(), lower, upper, elastic=slack)
+
+
+def _length(vector: FloatArray) -> FloatArray:
+    square = vector[..., 0] ** 2
+    for axis in range(1, vector.shape[-1]):
+        square = square + vector[..., axis] ** 2
+    return np.asarray(np.sqrt(square))

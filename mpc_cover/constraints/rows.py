@@ -1,0 +1,90 @@
+"""Half-spaces as sparse rows, and where a motion's variables stand in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mpc_cover.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Columns of positions and velocities at samples 1 to N of m agents in d dimensions.
+
+    All positions come first, then all velocities; within each, sample by sample and agent by agent.
+    Inputs are eliminated: u(n) = (v(n+1) - v(n)) / T_s under a zero-order hold.
+    """
+
+    steps: int
+    agents: int
+    dimension: int
+
+    @property
+    def half(self) -> int:
+        """Number of position columns, and of velocity columns."""
+        return self.steps * self.agents * self.dimension
+
+    @property
+    def size(self) -> int:
+        """Number of columns of the motion."""
+        return 2 * self.half
+
+    def position(self, sample: IntArray | int, agent: IntArray | int) -> IntArray:
+        """Return the column of the first coordinate of q_agent(sample), sample >= 1."""
+        return np.asarray(((np.asarray(sample) - 1) * self.agents + agent) * self.dimension, dtype=np.intp)
+
+    def velocity(self, sample: IntArray | int, agent: IntArray | int) -> IntArray:
+        """Return the column of the first coordinate of v_agent(sample), sample >= 1."""
+        return self.half + self.position(sample, agent)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """lower <= A x <= upper for a block of rows, A as triplets with row numbers that start at 0.
+
+    `elastic` is None for hard rows, else the (rows,) number of the slack that may lift the upper side of
+    each row; slacks are numbered from 0 within the block.
+    """
+
+    row: IntArray
+    column: IntArray
+    value: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    elastic: IntArray | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return int(self.lower.shape[0])
+
+    @property
+    def slacks(self) -> int:
+        """Number of slacks of the block."""
+        return 0 if self.elastic is None or self.elastic.size == 0 else int(self.elastic.max()) + 1
+
+
+def dense_rows(column: IntArray, value: FloatArray, lower: FloatArray, upper: FloatArray) -> Rows:
+    """Return rows with the same number of entries each: `column` and `value` are (rows, entries)."""
+    row = np.repeat(np.arange(column.shape[0]), column.shape[1])
+    return Rows(row, column.ravel(), value.ravel(), lower, upper)
+
+
+def stack(blocks: Sequence[Rows], columns: int) -> tuple[sp.csc_array[np.float64], FloatArray, FloatArray]:
+    """Stack blocks into one canonical csc matrix with its bounds."""
+    offsets = np.cumsum([0, *(block.count for block in blocks)])
+    row = np.concatenate([block.row + offset for block, offset in zip(blocks, offsets, strict=False)])
+    column = np.concatenate([block.column for block in blocks])
+    value = np.concatenate([block.value for block in blocks])
+    matrix = sp.csc_array((value, (row, column)), shape=(int(offsets[-1]), columns))
+    matrix.sum_duplicates()
+    lower = np.concatenate([block.lower for block in blocks])
+    upper = np.concatenate([block.upper for block in blocks])
+    return matrix, lower, upper

@@ -1,0 +1,126 @@
+"""The convex majoriser of the coverage objective: soft-min, then linearise and bend.
+
+softmin_b(e) = -(1/b) log sum exp(-b e_n) is concave in the excesses e_n = d_n - rho, so its tangent bounds
+it from above, and every d_n = ||q_n - p_k|| is convex in q_n. Their composition is a convex function that
+touches sum gamma pos(softmin - r) at the current motion and lies above it everywhere else: minimising it
+is a majorise-minimise step (Hunter & Lange, 2004). The QP keeps the distances to second order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.coverage.nearest import nearest_samples
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import BoolArray, FloatArray, IntArray
+    from mpc_cover.coverage.nearest import Nearest
+
+_SHORTEST = 0.3
+"""Distances below this [m] bend as if they were this long: the curvature 1/d has a pole."""
+
+
+@dataclass(frozen=True)
+class Softness:
+    """How soft the minimum is, and how far inside the sensing disc a cell must come to count.
+
+    Attributes
+    ----------
+    beta : sharpness of the soft minimum [1/m]; it lies up to log(M)/beta below the minimum.
+    margin : sensing margin [m], taken off every radius.
+    count : M, samples kept for each cell.
+    """
+
+    beta: float
+    margin: float
+    count: int = 6
+
+
+def soft_minimum(excess: FloatArray, beta: float) -> tuple[FloatArray, FloatArray]:
+    """Return softmin_beta over the last axis [m], (R,), and its gradient, the weights (R, M) that sum to 1."""
+    least = excess.min(axis=1)
+    powers = np.exp(-beta * (excess - least[:, None]))
+    total = powers.sum(axis=1)
+    return least - np.log(total) / beta, powers / total[:, None]
+
+
+def soft_cost(
+    position: FloatArray, cell: FloatArray, radius: FloatArray, weight: FloatArray, softness: Softness
+) -> float:
+    """Return J_beta = sum gamma pos(softmin_beta(e) + margin) [m]: what a majorise-minimise step lowers."""
+    nearest = nearest_samples(position, cell, radius, weight, softness.count)
+    value, _ = soft_minimum(nearest.excess, softness.beta)
+    return float(nearest.weight @ np.maximum(value + softness.margin, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Majoriser:
+    """The majoriser around one motion: R terms gamma pos(level + sum_n slope_n . (q_n - qbar_n) + curvature).
+
+    Attributes
+    ----------
+    level : (R,) softmin + margin at the motion [m].
+    weight : (R,) gamma.
+    sample : (R, M) index of the samples that a term depends on.
+    slope : (R, M, d) w_n (qbar_n - p) / ||qbar_n - p||.
+    cost : sum gamma pos(level), the value at the motion [m].
+    """
+
+    level: FloatArray
+    weight: FloatArray
+    sample: IntArray
+    slope: FloatArray
+    cost: float
+    _share: FloatArray
+    _direction: FloatArray
+    _distance: FloatArray
+
+    def curvature(self, term: BoolArray, samples: int) -> FloatArray:
+        """Return (samples, d, d): the sum over some terms of gamma w (I - r r') / d  (W_k of Appendix A)."""
+        dimension = self.slope.shape[2]
+        blocks = np.zeros((samples, dimension, dimension))
+        scale = (self.weight[term, None] * self._share[term]) / np.maximum(self._distance[term], _SHORTEST)
+        direction = self._direction[term]
+        index = self.sample[term].ravel()
+        for a in range(dimension):
+            for b in range(a, dimension):
+                entry = scale * ((a == b) - direction[:, :, a] * direction[:, :, b])
+                blocks[:, a, b] = np.bincount(index, entry.ravel(), samples)
+                blocks[:, b, a] = blocks[:, a, b]
+        return blocks
+
+    def gradient(self, term: BoolArray, samples: int) -> FloatArray:
+        """Return (samples, d): the sum of gamma * slope over some terms."""
+        pull = self.weight[term, None, None] * self.slope[term]
+        index = self.sample[term].ravel()
+        columns = [np.bincount(index, pull[:, :, a].ravel(), samples) for a in range(pull.shape[2])]
+        return np.stack(columns, axis=1)
+
+
+def build_majoriser(
+    position: FloatArray, cell: FloatArray, radius: FloatArray, weight: FloatArray, softness: Softness
+) -> Majoriser:
+    """Return the majoriser of J_beta around a motion (N+1, m, d) [m]; arguments as in `soft_cost`."""
+    nearest = nearest_samples(position, cell, radius, weight, softness.count)
+    value, share = soft_minimum(nearest.excess, softness.beta)
+    direction = _directions(position.reshape(-1, position.shape[2]), cell, nearest)
+    level = value + softness.margin
+    return Majoriser(
+        level=level,
+        weight=nearest.weight,
+        sample=nearest.sample,
+        slope=share[:, :, None] * direction,
+        cost=float(nearest.weight @ np.maximum(level, 0.0)),
+        _share=share,
+        _direction=direction,
+        _distance=nearest.distance,
+    )
+
+
+def _directions(points: FloatArray, cell: FloatArray, nearest: Nearest) -> FloatArray:
+    """Return (R, M, d) unit vectors from cells to samples; zero where they coincide, as the subgradient may be."""
+    difference = points[nearest.sample] - cell[nearest.cell][:, None, :]
+    return np.asarray(difference / np.maximum(nearest.distance, 1e-9)[:, :, None])

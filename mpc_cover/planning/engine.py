@@ -1,0 +1,79 @@
+"""The planner as the controller sees it: a back-end is chosen here, and nowhere above."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.errors import UserError
+from mpc_cover.planning.continuation import judge, refine
+from mpc_cover.planning.planner import Task, plan_for, plan_whole
+from mpc_cover.planning.window import Window
+from solvers.backends.registry import UnknownBackendError, make_backend
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.planning.continuation import Refined
+    from mpc_cover.planning.planner import Candidate
+
+_FLIGHT_SHARPNESS = 40.0
+"""In flight the minimum is as good as hard: what is planned is nearly what is flown."""
+
+
+class Engine:
+    """One back-end and the ways it is used.
+
+    Raises
+    ------
+    UserError
+        For an unknown back-end; the message lists those there are.
+    """
+
+    def __init__(self, backend: str) -> None:
+        try:
+            self._backend = make_backend(backend)
+        except UnknownBackendError as error:
+            raise UserError(str(error)) from None
+
+    def whole(self, task: Task, deadline: float | None) -> Candidate:
+        """Plan everything that is owed, thoroughly."""
+        return plan_whole(task, self._backend, deadline=deadline)
+
+    def quick(self, task: Task, steps: int, deadline: float | None) -> Candidate:
+        """Plan `steps` samples from one start; anytime."""
+        return plan_for(task, self._backend, steps, starts=1, deadline=deadline)
+
+    def polish(self, window: Window, x: FloatArray, iterations: int, deadline: float | None) -> Refined:
+        """Improve a motion that is already good by a few QPs."""
+        return refine(
+            window,
+            x,
+            self._backend,
+            sharpness=(_FLIGHT_SHARPNESS,),
+            iterations=iterations,
+            region=0.5,
+            deadline=deadline,
+        )
+
+    def judge(self, window: Window, x: FloatArray) -> Refined:
+        """Return what a motion is worth as it stands."""
+        return judge(window, x)
+
+
+def resampled(velocity: FloatArray, steps: int) -> FloatArray:
+    """Return a motion's velocities (N+1, m, d) [m/s] played in `steps` samples: faster along the same path."""
+    old = velocity.shape[0] - 1
+    place = np.linspace(0.0, old, steps + 1)
+    low = np.minimum(place.astype(int), old - 1)
+    part = (place - low)[:, None, None]
+    between = (1.0 - part) * velocity[low] + part * velocity[low + 1]
+    scaled = between * (old / steps)
+    scaled[0], scaled[-1] = velocity[0], velocity[-1]
+    return np.asarray(scaled)
+
+
+def seconds_left(deadline: float | None) -> float:
+    """Return the seconds until a deadline on `time.perf_counter`; inf without one."""
+    return float("inf") if deadline is None else deadline - time.perf_counter()

@@ -1,0 +1,169 @@
+"""Plans from scratch: several starts, the best refined, and a length that just suffices."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.planning.continuation import SHARPNESS, Refined, judge, refine
+from mpc_cover.planning.follow import Motion, follow
+from mpc_cover.planning.guesses import Guess, rest_guess, sweep_guesses, tour_guess
+from mpc_cover.planning.plan import Plan
+from mpc_cover.planning.window import Window
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.fleet import Fleet
+    from solvers.backends.base import Backend
+
+COARSE = (2.0, 8.0, 20.0)
+"""Stages that tell good starts from bad ones."""
+COMPRESSION = 0.84
+"""A refined plan needs about this part of the time in which its guess flies."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is to be covered, and from where.
+
+    Attributes
+    ----------
+    fleet : limits, radii, ranges.
+    cell : (K, d) [m].
+    weight : (J, K) gamma.
+    position, velocity : (m, d) [m], [m/s].
+    start_time : mission time of sample 0 [s].
+    period : T_s [s].
+    """
+
+    fleet: Fleet
+    cell: FloatArray
+    weight: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    start_time: float
+    period: float
+
+    def window(self, steps: int) -> Window:
+        """Return the stretch of `steps` samples that ends at rest, anywhere."""
+        rest = np.zeros_like(self.velocity)
+        return Window(
+            self.fleet, self.cell, self.weight, self.position, self.velocity, steps, self.period, None, rest
+        )
+
+    def plan(self, window: Window, x: FloatArray) -> Plan:
+        """Return the plan of a decision vector."""
+        position, velocity = window.motion(x)
+        return Plan(self.start_time, self.period, position, velocity, np.diff(velocity, axis=0) / self.period)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A plan with what it is worth: J (4.34) [m], whether it keeps all requirements, and its guess."""
+
+    plan: Plan
+    cost: float
+    feasible: bool
+    kind: str
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything is covered, feasibly."""
+        return self.feasible and self.cost == 0.0
+
+
+def plan_whole(
+    task: Task, backend: Backend, *, attempts: int = 6, starts: int = 3, deadline: float | None = None
+) -> Candidate:
+    """Return a short plan that covers everything owed, or the best one found; anytime.
+
+    Starts from sweeps and a tour, tells them apart by a few coarse stages, refines the best, and then
+    shortens what covers everything or lengthens what does not. `attempts` bounds the refinements,
+    `deadline` is on `time.perf_counter`.
+    """
+    flights = _flights(task)
+    shortest = min(flight.steps for _, flight in flights)
+    least = int(np.ceil(_stopping_time(task) / task.period)) + 1
+    steps = max(least, round(COMPRESSION * shortest))
+    found: list[Candidate] = [_resting(task, least)]
+    too_short = 0
+    for attempt in range(attempts):
+        if _late(deadline) or (attempt > 0 and steps in (too_short, found[-1].plan.steps)):
+            break
+        candidate = plan_for(task, backend, steps, starts=starts, deadline=deadline)
+        found.append(candidate)
+        if candidate.complete:
+            steps = max(least, steps - 1)
+            if steps == too_short:
+                break
+        else:
+            too_short = max(too_short, steps)
+            if any(other.complete for other in found):
+                break
+            steps += max(1, round(0.05 * steps))
+    found += [_as_flown(task, guess, flight) for guess, flight in flights if not any(c.complete for c in found)]
+    return min(found, key=_rank)
+
+
+def plan_for(
+    task: Task, backend: Backend, steps: int, *, starts: int = 3, deadline: float | None = None
+) -> Candidate:
+    """Return the best plan of exactly `steps` samples from several starts; anytime."""
+    window = task.window(steps)
+    flights = [(guess, _fly(task, guess, steps)) for guess in _guesses(task)]
+    flights.sort(key=lambda item: judge(window, item[1].decision).cost)
+    still = _fly(task, rest_guess(task.position), steps)
+    tried: list[tuple[str, Refined]] = [("rest", judge(window, still.decision))]
+    for guess, flight in flights[:starts]:
+        if _late(deadline):
+            break
+        coarse = refine(window, flight.decision, backend, sharpness=COARSE, iterations=4, deadline=deadline)
+        tried.append((guess.kind, coarse))
+    tried.sort(key=lambda item: (not item[1].feasible, item[1].cost))
+    kind, best = tried[0]
+    if not (best.feasible and best.cost == 0.0) and not _late(deadline):
+        finer = refine(window, best.x, backend, sharpness=SHARPNESS[2:], iterations=8, region=0.5, deadline=deadline)
+        if finer.feasible >= best.feasible and finer.cost < best.cost:
+            best = finer
+    return Candidate(task.plan(window, best.x), best.cost, best.feasible, kind)
+
+
+def _guesses(task: Task) -> list[Guess]:
+    if not (task.weight > 0.0).any():
+        return [rest_guess(task.position)]
+    tour = tour_guess(task.fleet, task.cell, task.weight, task.position)
+    return [*sweep_guesses(task.fleet, task.cell, task.weight, task.position), tour]
+
+
+def _fly(task: Task, guess: Guess, steps: int | None) -> Motion:
+    return follow(guess.paths, task.position, task.velocity, task.fleet, task.period, steps=steps)
+
+
+def _flights(task: Task) -> list[tuple[Guess, Motion]]:
+    return [(guess, _fly(task, guess, None)) for guess in _guesses(task)]
+
+
+def _as_flown(task: Task, guess: Guess, flight: Motion) -> Candidate:
+    window = task.window(flight.steps)
+    judged = judge(window, flight.decision)
+    return Candidate(task.plan(window, flight.decision), judged.cost, judged.feasible, guess.kind)
+
+
+def _resting(task: Task, steps: int) -> Candidate:
+    return _as_flown(task, rest_guess(task.position), _fly(task, rest_guess(task.position), steps))
+
+
+def _stopping_time(task: Task) -> float:
+    speed = np.linalg.norm(task.velocity, axis=1)
+    return float((speed / task.fleet.input_max).max()) + task.period
+
+
+def _rank(candidate: Candidate) -> tuple[bool, bool, float, int]:
+    return (not candidate.feasible, candidate.cost > 0.0, round(candidate.cost, 6), candidate.plan.steps)
+
+
+def _late(deadline: float | None) -> bool:
+    return deadline is not None and time.perf_counter() >= deadline

@@ -1,0 +1,65 @@
+"""The optimal coverage NLP (4.22, 4.34) in a form that `solvers.sqp` can convexify.
+
+The decision vector of the SQP holds the velocities at samples 1 to N. With the state at sample 0 they fix
+the inputs and positions exactly, so that every iterate satisfies the dynamics whatever the QP's tolerance.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.constraints.graph import minimum_spanning_trees
+from mpc_cover.constraints.pairs import pair_distances
+from mpc_cover.coverage.majoriser import soft_cost
+from mpc_cover.planning.subproblem import build_subproblem
+from mpc_cover.planning.window import requirements
+from solvers.nlp import Measure
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.planning.window import Settings, Window
+    from solvers.nlp import ConvexModel
+
+
+class CoverageProblem:
+    """One window with its settings; satisfies `solvers.nlp.Convexifiable`."""
+
+    def __init__(self, window: Window, settings: Settings) -> None:
+        self.window = window
+        self.settings = settings
+        self.requirements = requirements(window, settings.margins)
+
+    def measure(self, x: FloatArray) -> Measure:
+        """Return J_beta [m] and how much the constraints are violated, between the samples too."""
+        window = self.window
+        position, velocity = window.motion(x)
+        cost = soft_cost(position, window.cell, window.fleet.radius, window.weight, self.settings.softness)
+        excess = self._excess(position, velocity)
+        worst = max(float(part.max(initial=0.0)) for part in excess)
+        return Measure(objective=cost, violation=worst, penalty=float(sum(part.sum() for part in excess)))
+
+    def convexify(self, x: FloatArray, radius: float) -> ConvexModel:
+        """Return the QP around a decision vector; positions move by at most `radius` [m] along each axis."""
+        return build_subproblem(self.window, self.settings, self.requirements, x, radius)
+
+    def _excess(self, position: FloatArray, velocity: FloatArray) -> list[FloatArray]:
+        """Return by how much each constraint is exceeded [m, m/s, m/s^2], 0 where it holds."""
+        window, fleet = self.window, self.window.fleet
+        limits = 1.0 - self.settings.margins.limits
+        force = np.diff(velocity, axis=0) / window.period
+        over = [
+            np.linalg.norm(velocity[1:], axis=2) - limits * fleet.speed_max,
+            np.linalg.norm(force, axis=2) - limits * fleet.input_max,
+            position[1:] - np.maximum(fleet.motion_max, position[0]),
+            np.minimum(fleet.motion_min, position[0]) - position[1:],
+        ]
+        if fleet.size > 1:
+            pairs = pair_distances(position, velocity, window.period)
+            if fleet.separation_min > 0.0:
+                over.append(self.requirements.separation - pairs.least)
+            if np.isfinite(fleet.communication_range):
+                tree = minimum_spanning_trees(pairs.most, fleet.size)
+                over.append(np.where(tree, pairs.most - self.requirements.range, 0.0))
+        return [np.maximum(part, 0.0) for part in over]

@@ -1,0 +1,219 @@
+"""The QP around an iterate: the majoriser's terms, the motion's rows, and what an answer means.
+
+Columns: positions and velocities (`Layout`), one slack for each cell near the edge of coverage, one for
+each elastic row of separation and connectivity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from mpc_cover.constraints.boundary import bound_rows
+from mpc_cover.constraints.collision import collision_rows
+from mpc_cover.constraints.connectivity import connectivity_rows
+from mpc_cover.constraints.dynamics import dynamics_rows
+from mpc_cover.constraints.facets import inscribed
+from mpc_cover.constraints.limits import input_rows, speed_rows
+from mpc_cover.constraints.pairs import all_pairs, pair_distances
+from mpc_cover.constraints.rows import Layout, Rows, stack
+from mpc_cover.coverage.majoriser import build_majoriser
+from solvers.nlp import ConvexModel
+from solvers.qp import QP
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.coverage.majoriser import Majoriser
+    from mpc_cover.planning.window import Requirements, Settings, Window
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """The majoriser as the QP sees it, around the iterate's samples 1 to N.
+
+    Attributes
+    ----------
+    linear : (N m, d) gradient of the terms that stay positive within the trust region.
+    curvature : (N m, d, d) positive semi-definite blocks.
+    rows : slope . (q - qbar) - s <= -level, a row and a slack for each term near the edge of coverage.
+    slack_cost : gamma of those terms.
+    slack_value : their pos(level) at the iterate [m].
+    """
+
+    linear: FloatArray
+    curvature: FloatArray
+    rows: Rows
+    slack_cost: FloatArray
+    slack_value: FloatArray
+
+
+def coverage_terms(layout: Layout, position: FloatArray, majoriser: Majoriser, radius: float) -> Terms:
+    """Split the majoriser's terms: far ones are linear, near ones get a slack, deep ones drop out."""
+    samples = position.shape[0] * layout.agents
+    reach = radius * np.sqrt(layout.dimension)  # slopes of a term sum to at most one
+    far = majoriser.level > reach
+    near = np.flatnonzero(np.abs(majoriser.level) <= reach)
+    linear = majoriser.gradient(far, samples)[layout.agents :]
+    curvature = majoriser.curvature(majoriser.level > 0.0, samples)[layout.agents :]
+    sample, slope = majoriser.sample[near], majoriser.slope[near]
+    free = sample >= layout.agents  # sample 0 is given
+    row = np.broadcast_to(np.arange(near.size)[:, None], sample.shape)[free]
+    axes = np.arange(layout.dimension)
+    column = ((sample[free] - layout.agents) * layout.dimension)[:, None] + axes
+    points = position.reshape(samples, layout.dimension)
+    here = np.einsum("rmd,rmd->r", slope * free[:, :, None], points[sample])
+    rows = Rows(
+        row=np.repeat(row, layout.dimension),
+        column=column.ravel(),
+        value=slope[free].ravel(),
+        lower=np.full(near.size, -np.inf),
+        upper=here - majoriser.level[near],
+        elastic=np.arange(near.size),
+    )
+    return Terms(linear, curvature, rows, majoriser.weight[near], np.maximum(majoriser.level[near], 0.0))
+
+
+def motion_rows(window: Window, settings: Settings, layout: Layout, velocity: FloatArray) -> list[Rows]:
+    """Return the hard rows that every iterate satisfies: dynamics and limits."""
+    margins = settings.margins
+    facets = inscribed(layout.dimension, settings.sides)
+    shrink = 1.0 - margins.limits - margins.solver
+    return [
+        dynamics_rows(layout, window.position, window.velocity, window.period),
+        speed_rows(layout, velocity, shrink * window.fleet.speed_max, facets),
+        input_rows(layout, velocity, shrink * window.fleet.input_max, window.period, facets),
+    ]
+
+
+def pair_rows(
+    window: Window,
+    settings: Settings,
+    required: Requirements,
+    layout: Layout,
+    motion: tuple[FloatArray, FloatArray],
+    radius: float,
+) -> list[Rows]:
+    """Return the elastic rows of separation and connectivity around a motion (positions, velocities)."""
+    fleet = window.fleet
+    if fleet.size == 1:
+        return []
+    pairs = pair_distances(*motion, window.period)
+    first, second = all_pairs(fleet.size)
+    between = (fleet.input_max[first] + fleet.input_max[second]) * window.period**2 / 8.0
+    reach = 2.0 * radius * float(np.sqrt(layout.dimension))
+    blocks = []
+    if fleet.separation_min > 0.0:
+        blocks.append(collision_rows(layout, pairs, required.separation, between, reach))
+    if np.isfinite(fleet.communication_range):
+        facets = inscribed(layout.dimension, settings.edge_sides)
+        blocks.append(connectivity_rows(layout, pairs, required.range, 0.5 * float(between.max()), reach, facets))
+    return blocks
+
+
+def build_subproblem(
+    window: Window, settings: Settings, required: Requirements, x: FloatArray, radius: float
+) -> ConvexModel:
+    """Return the QP around the decision vector `x` with trust region `radius` [m]."""
+    layout = Layout(window.steps, *window.position.shape)
+    position, velocity = window.motion(x)
+    majoriser = build_majoriser(position, window.cell, window.fleet.radius, window.weight, settings.softness)
+    terms = coverage_terms(layout, position, majoriser, radius)
+    box = (window.fleet.motion_min, window.fleet.motion_max)
+    hard = motion_rows(window, settings, layout, velocity)
+    hard.append(bound_rows(layout, position, box, radius, window.end_position, window.end_velocity))
+    elastic = pair_rows(window, settings, required, layout, (position, velocity), radius)
+    soft, slacks = _number_slacks([terms.rows, *elastic], layout.size)
+    matrix, lower, upper = stack([*hard, *soft, _non_negative(layout.size, slacks)], layout.size + slacks)
+    slack_cost = np.concatenate([terms.slack_cost, np.full(slacks - terms.slack_cost.size, settings.penalty)])
+    iterate = np.concatenate([position[1:].ravel(), velocity[1:].ravel()])
+    quadratic, linear = _cost(layout, terms, iterate, slack_cost, settings.proximal)
+    qp = QP(quadratic, linear, matrix, lower, upper)
+    start = np.concatenate([iterate, _slack_values(matrix, upper, iterate, slacks)])
+    return _model(window, layout, qp, start, settings.penalty)
+
+
+def _number_slacks(blocks: list[Rows], first: int) -> tuple[list[Rows], int]:
+    """Give each elastic row an entry -1 in the column of its slack; return the rows and the number of slacks."""
+    numbered, used = [], 0
+    for block in blocks:
+        if block.elastic is None or block.count == 0:
+            continue
+        column = first + used + block.elastic
+        numbered.append(
+            Rows(
+                row=np.concatenate([block.row, np.arange(block.count)]),
+                column=np.concatenate([block.column, column]),
+                value=np.concatenate([block.value, np.full(block.count, -1.0)]),
+                lower=block.lower,
+                upper=block.upper,
+            )
+        )
+        used += block.slacks
+    return numbered, used
+
+
+def _non_negative(first: int, slacks: int) -> Rows:
+    each = np.arange(slacks)
+    return Rows(each, first + each, np.ones(slacks), np.zeros(slacks), np.full(slacks, np.inf))
+
+
+def _slack_values(matrix: sp.csc_array[np.float64], upper: FloatArray, iterate: FloatArray, slacks: int) -> FloatArray:
+    """Return the smallest slacks that the iterate itself needs."""
+    motion = np.concatenate([iterate, np.zeros(slacks)])
+    over = np.maximum(matrix @ motion - upper, 0.0)
+    column = matrix[:, iterate.size :].tocoo()
+    lifts = column.data < 0.0
+    values = np.zeros(slacks)
+    np.maximum.at(values, column.col[lifts], over[column.row[lifts]])
+    return values
+
+
+def _cost(
+    layout: Layout, terms: Terms, iterate: FloatArray, slack_cost: FloatArray, proximal: float
+) -> tuple[sp.csc_array[np.float64], FloatArray]:
+    """Return P (upper triangle) and q: terms, proximal weight around the iterate, slacks."""
+    size, dimension = layout.size, layout.dimension
+    blocks = terms.curvature + proximal * np.eye(dimension)
+    pulled = np.einsum("nab,nb->na", blocks, iterate[: layout.half].reshape(-1, dimension))
+    linear = np.concatenate([(terms.linear - pulled).ravel(), -proximal * iterate[layout.half :], slack_cost])
+    first = dimension * np.arange(blocks.shape[0])
+    above, right = np.triu_indices(dimension)
+    row = np.concatenate([(first[:, None] + above).ravel(), np.arange(layout.half, size + slack_cost.size)])
+    column = np.concatenate([(first[:, None] + right).ravel(), np.arange(layout.half, size + slack_cost.size)])
+    value = np.concatenate(
+        [blocks[:, above, right].ravel(), np.full(layout.half, proximal), np.full(slack_cost.size, 1e-8)]
+    )
+    total = size + slack_cost.size
+    quadratic = sp.csc_array((value, (row, column)), shape=(total, total))
+    quadratic.sum_duplicates()
+    return quadratic, linear
+
+
+def _model(window: Window, layout: Layout, qp: QP, start: FloatArray, weight: float) -> ConvexModel:
+    def cost(point: FloatArray) -> float:
+        product = qp.P @ point
+        diagonal = qp.P.diagonal() * point
+        return float(point @ product - 0.5 * point @ diagonal + qp.q @ point)
+
+    here = cost(start)
+
+    def recover(point: FloatArray) -> FloatArray:
+        return _exact_end(window, point[layout.half : layout.size])
+
+    def predicted(point: FloatArray) -> float:
+        return here - cost(point)
+
+    return ConvexModel(qp=qp, recover=recover, predicted=predicted, weight=weight, start=start)
+
+
+def _exact_end(window: Window, x: FloatArray) -> FloatArray:
+    """Remove what the QP's tolerance leaves of the end conditions: least change of the velocities."""
+    velocity = x.reshape(window.steps, *window.velocity.shape).copy()
+    velocity[-1] = window.end_velocity
+    if window.end_position is not None and window.steps > 1:
+        position, _ = window.motion(velocity.ravel())
+        velocity[:-1] += (window.end_position - position[-1]) / (window.period * (window.steps - 1))
+    return velocity.ravel()

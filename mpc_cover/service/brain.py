@@ -1,0 +1,68 @@
+"""The controller's brain as the service sees it: predicted states in, a verified plan of the fleet out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from enum import Enum
+
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.information.coverage_map import CoverageMap
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.planning.plan import Plan
+
+
+class StepOutcome(Protocol):
+    """What a step gives: a plan that is safe to fly, and which rung of the ladder it stands on."""
+
+    @property
+    def plan(self) -> Plan:
+        """The whole fleet's plan, at rest at its end."""
+        ...
+
+    @property
+    def rung(self) -> Enum:
+        """Which rung of the ladder."""
+        ...
+
+    @property
+    def reason(self) -> str:
+        """Why not the rung above."""
+        ...
+
+    @property
+    def computing_time_s(self) -> float:
+        """Time that the step took [s]."""
+        ...
+
+    @property
+    def deadline_missed(self) -> bool:
+        """Whether time ran out."""
+        ...
+
+
+class Brain(Protocol):
+    """See `control.receding_horizon.RecedingHorizon`; tests hand in simpler ones."""
+
+    coverage: CoverageMap
+
+    def prepare(
+        self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
+    ) -> StepOutcome:
+        """Plan thoroughly while everyone is at rest; `deadline` is on `time.perf_counter`."""
+        ...
+
+    def step(
+        self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
+    ) -> StepOutcome:
+        """Return a plan from this (m, d) state at `start_time`."""
+        ...
+
+
+def make_brain(mission: Mission, backend: str, seed: int) -> Brain:
+    """Return the receding-horizon controller; importing it takes as long as its solvers take."""
+    from mpc_cover.control.receding_horizon import RecedingHorizon  # noqa: PLC0415 - heavy, agents never need it
+
+    brain: Brain = RecedingHorizon(mission, backend=backend, seed=seed)
+    return brain

@@ -1,0 +1,166 @@
+"""What the service needs of a network: `transport.py` does it with Zenoh, `local.py` in memory."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from threading import Lock
+from typing import TYPE_CHECKING, Protocol
+
+from mpc_cover.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+class TransportError(UserError):
+    """The network cannot be used as asked: a port in use, an unreachable endpoint, a bad configuration."""
+
+
+class RequestError(Exception):
+    """A request that nobody answered, or that was answered with an error."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How a key is published; nothing here ever blocks the publisher.
+
+    `priority` is the name of Zenoh's; `history` is how many samples late joiners are given.
+    """
+
+    priority: str
+    history: int = 0
+
+
+STATE = Quality("INTERACTIVE_HIGH")
+PLAN = Quality("INTERACTIVE_HIGH", history=1)
+STATUS = Quality("DATA", history=1)
+MAP = Quality("DATA_LOW", history=1)
+EVENT = Quality("DATA_HIGH", history=1000)
+
+
+@dataclass(frozen=True)
+class Received:
+    """A payload as it came; `received_s` is the receiver's own clock [s]."""
+
+    key: str
+    payload: bytes
+    received_s: float
+
+
+class Inbox:
+    """A bounded queue that a callback fills and a tick empties; when full, the oldest goes."""
+
+    def __init__(self, depth: int) -> None:
+        self._items: deque[Received] = deque(maxlen=depth)
+        self.dropped = 0
+
+    def put(self, item: Received) -> None:
+        """Add what was received."""
+        if len(self._items) == self._items.maxlen:
+            self.dropped += 1
+        self._items.append(item)
+
+    def drain(self) -> list[Received]:
+        """Return everything received since last time, oldest first."""
+        items = []
+        while self._items:
+            items.append(self._items.popleft())
+        return items
+
+
+class Presence:
+    """The liveliness tokens seen."""
+
+    def __init__(self) -> None:
+        self._alive: set[str] = set()
+        self._lock = Lock()
+
+    def set(self, key: str, alive: bool) -> None:
+        """Note that a token appeared or went."""
+        with self._lock:
+            (self._alive.add if alive else self._alive.discard)(key)
+
+    def alive(self) -> frozenset[str]:
+        """Return the keys of the tokens that are alive."""
+        with self._lock:
+            return frozenset(self._alive)
+
+
+@dataclass(frozen=True)
+class Request:
+    """A question to be answered within the next tick."""
+
+    key: str
+    payload: bytes
+    reply: Callable[[bytes], None]
+    fail: Callable[[bytes], None]
+
+
+class RequestInbox:
+    """Questions that wait for the next tick; when full, the oldest goes unanswered."""
+
+    def __init__(self, depth: int) -> None:
+        self._items: deque[Request] = deque(maxlen=depth)
+
+    def put(self, request: Request) -> None:
+        """Add a question."""
+        self._items.append(request)
+
+    def drain(self) -> list[Request]:
+        """Return the questions since last time, oldest first."""
+        items = []
+        while self._items:
+            items.append(self._items.popleft())
+        return items
+
+
+class Publisher(Protocol):
+    """Publishes on one key."""
+
+    def publish(self, payload: bytes) -> None:
+        """Send without ever waiting for a receiver."""
+        ...
+
+
+class Transport(Protocol):
+    """One participant's view of the network."""
+
+    @property
+    def callback_errors(self) -> int:
+        """Exceptions inside callbacks: the network library would swallow them, so they are counted."""
+        ...
+
+    def publisher(self, key: str, quality: Quality) -> Publisher:
+        """Return the publisher of a key."""
+        ...
+
+    def inbox(self, pattern: str, depth: int, *, history: int = 0) -> Inbox:
+        """Return a bounded queue of what is published on matching keys, up to `history` past samples of each too."""
+        ...
+
+    def announce(self, key: str) -> None:
+        """Hold a liveliness token until the transport is closed or the process dies."""
+        ...
+
+    def presence(self, pattern: str) -> Presence:
+        """Return the live set of matching liveliness tokens."""
+        ...
+
+    def requests(self, pattern: str, depth: int) -> RequestInbox:
+        """Return the questions asked on matching keys."""
+        ...
+
+    def ask(self, key: str, payload: bytes, timeout_s: float) -> bytes:
+        """Ask and wait for the first answer.
+
+        Raises
+        ------
+        RequestError
+            No answer in time, or an error instead of an answer.
+        """
+        ...
+
+    def close(self) -> None:
+        """Leave the network; may be called twice."""
+        ...

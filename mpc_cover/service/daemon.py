@@ -1,0 +1,87 @@
+"""The loop that both daemons run: startup, a tick whenever one is due, shutdown; signals end it cleanly."""
+
+from __future__ import annotations
+
+import signal
+from threading import Event
+from typing import TYPE_CHECKING, Protocol, Self
+
+if TYPE_CHECKING:
+    from types import FrameType, TracebackType
+
+    from mpc_cover.clock import Clock
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as the shell has it: 128 + SIGINT."""
+TERMINATED = 143
+"""Exit status after SIGTERM: 128 + SIGTERM."""
+
+
+class Participant(Protocol):
+    """What can be run as a daemon, or tick by tick in a simulation."""
+
+    @property
+    def next_time(self) -> float:
+        """When the next tick is due [s]."""
+        ...
+
+    @property
+    def done(self) -> bool:
+        """Whether there is nothing left to do."""
+        ...
+
+    def startup(self) -> None:
+        """Show presence."""
+        ...
+
+    def tick(self) -> None:
+        """Do what is due now."""
+        ...
+
+    def shutdown(self) -> None:
+        """Leave in good order."""
+        ...
+
+
+class Signals:
+    """Turns SIGINT and SIGTERM into `stop`, which clocks wait on; `received` is the first of them, or 0.
+
+    Handlers only set an event: nothing is interrupted in the middle of a tick.
+    """
+
+    def __init__(self) -> None:
+        self.stop = Event()
+        self.received = 0
+        self._before: dict[int, object] = {}
+
+    def __enter__(self) -> Self:
+        """Take the signals over."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Give the signals back."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+
+    @property
+    def exit_status(self) -> int:
+        """128 plus the signal's number; 0 when there was none."""
+        return 128 + self.received if self.received else 0
+
+    def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - the signal module's signature
+        self.received = self.received or number
+        self.stop.set()
+
+
+def run(participant: Participant, clock: Clock, stop: Event) -> None:
+    """Run until it is done or `stop` is set; `shutdown` is called whatever happens."""
+    try:
+        participant.startup()
+        while not participant.done and clock.wait_until(participant.next_time, stop):
+            participant.tick()
+    finally:
+        participant.shutdown()

@@ -1,0 +1,41 @@
+"""What a controller keeps for its successor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """Mission time [s], when each magnitude was first measured on each cell (J, K) [s], and whether it is over."""
+
+    mission_time_s: float
+    first: FloatArray
+    finished: bool = False
+
+
+class Journal(Protocol):
+    """Keeps the newest snapshot."""
+
+    def save(self, snapshot: Snapshot, *, now: bool) -> str | None:
+        """Keep it, at once or when it is due; return what went wrong, if anything: the control goes on."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the place where it is kept."""
+        ...
+
+
+class NoJournal:
+    """Keeps nothing: simulations."""
+
+    def save(self, snapshot: Snapshot, *, now: bool) -> str | None:  # noqa: ARG002 - nothing is kept
+        """Do nothing."""
+        return None
+
+    def close(self) -> None:
+        """Do nothing."""

@@ -1,0 +1,72 @@
+"""All key expressions in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+ANY = "*"
+"""Stands for any one agent or command in a pattern."""
+
+
+@dataclass(frozen=True)
+class Keys:
+    """The keys of one mission."""
+
+    mission: str
+
+    @property
+    def root(self) -> str:
+        """Prefix of every key."""
+        return f"cover/{self.mission}"
+
+    def state(self, agent: str = ANY) -> str:
+        """Return the key of an agent's measured state."""
+        return f"{self.root}/agent/{agent}/state"
+
+    def plan(self, agent: str = ANY) -> str:
+        """Return the key of the plan that an agent is to fly."""
+        return f"{self.root}/agent/{agent}/plan"
+
+    def agent_event(self, agent: str = ANY) -> str:
+        """Return the key of an agent's events."""
+        return f"{self.root}/agent/{agent}/event"
+
+    def agent_alive(self, agent: str = ANY) -> str:
+        """Return the key of an agent's liveliness token."""
+        return f"{self.root}/agent/{agent}/alive"
+
+    @property
+    def status(self) -> str:
+        """The controller's heartbeat."""
+        return f"{self.root}/ctl/status"
+
+    @property
+    def map(self) -> str:
+        """The coverage map, published and to be asked for."""
+        return f"{self.root}/ctl/map"
+
+    @property
+    def controller_event(self) -> str:
+        """What the controller has to tell."""
+        return f"{self.root}/ctl/event"
+
+    @property
+    def controller_alive(self) -> str:
+        """The controller's liveliness token."""
+        return f"{self.root}/ctl/alive"
+
+    def command(self, name: str = ANY) -> str:
+        """Return the key of a command: pause, resume, abort."""
+        return f"{self.root}/ctl/cmd/{name}"
+
+
+def agent_of(key: str) -> str:
+    """Return the agent id in one of the agent keys, or an empty string."""
+    chunks = key.split("/")
+    return chunks[3] if len(chunks) == 5 and chunks[2] == "agent" else ""  # noqa: PLR2004 - cover/m/agent/id/what
+
+
+def matches(pattern: str, key: str) -> bool:
+    """Return whether a key matches a pattern in which `*` stands for one chunk."""
+    wanted, chunks = pattern.split("/"), key.split("/")
+    return len(wanted) == len(chunks) and all(w in (ANY, c) for w, c in zip(wanted, chunks, strict=True))

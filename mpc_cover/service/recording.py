@@ -1,0 +1,120 @@
+"""From the agents' own records to one trajectory: what was flown, not what was planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpc_cover.errors import UnreadableFileError
+from mpc_cover.model.sensing import covered_at
+from mpc_cover.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.recorder import Piece
+
+MERGE_S = 1e-7
+"""Breakpoints of different agents nearer than this become one sample [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One agent's record as arrays: (R,) [s]; (R, d) [m], [m/s], [m/s^2]; and whether a plan was flown (R,).
+
+    Row r holds from `time[r]` to `time[r + 1]`.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    input: FloatArray
+    flown: BoolArray
+
+    def rows(self, time_s: FloatArray) -> Any:
+        """Return for each time the row that holds there."""
+        return np.clip(np.searchsorted(self.time, time_s, side="right") - 1, 0, len(self.time) - 1)
+
+    def state_at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return position and velocity (T, d) at times (T,): exact."""
+        row = self.rows(time_s)
+        dt = (time_s - self.time[row])[:, None]
+        force, velocity = self.input[row], self.velocity[row]
+        return self.position[row] + dt * velocity + 0.5 * dt**2 * force, velocity + dt * force
+
+    def moving(self) -> BoolArray:
+        """Return for each row whether the agent moves from there on."""
+        return np.asarray((self.velocity != 0.0).any(axis=1) | (self.input != 0.0).any(axis=1))
+
+
+def motion_of(pieces: Sequence[Piece]) -> Motion:
+    """Return a record's arrays; pieces of no duration are left out."""
+    time = np.array([piece.time_s for piece in pieces])
+    keep = np.append(np.diff(time) > 0.0, True)
+    kept = [piece for piece, good in zip(pieces, keep, strict=True) if good]
+    return Motion(
+        time[keep],
+        np.array([piece.position for piece in kept]),
+        np.array([piece.velocity for piece in kept]),
+        np.array([piece.input for piece in kept]),
+        np.array([piece.plan is not None for piece in kept]),
+    )
+
+
+def merge(mission: Mission, records: Sequence[Sequence[Piece]], meta: dict[str, Any]) -> Trajectory:
+    """Return the fleet's trajectory from the agents' records, in the order of the mission's agents.
+
+    All records are of one clock. Time 0 is the start of the first plan that was flown; the record ends when
+    everyone is at rest for good, or with the record that ends first.
+
+    Raises
+    ------
+    UnreadableFileError
+        An agent has no record, or the records have no time in common.
+    """
+    lacking = [name for name, pieces in zip(mission.fleet.ids, records, strict=True) if len(pieces) < 2]  # noqa: PLR2004
+    if lacking:
+        raise UnreadableFileError(f"no motion was recorded of {', '.join(lacking)}")
+    motions = [motion_of(pieces) for pieces in records]
+    first, last = _span(motions)
+    if last - first <= MERGE_S:
+        raise UnreadableFileError("the agents' records have no time in common")
+    time = _instants(motions, first, last)
+    states = [motion.state_at(time) for motion in motions]
+    middle = 0.5 * (time[:-1] + time[1:])
+    position = np.stack([q for q, _ in states], axis=1)
+    return Trajectory(
+        time=time - first,
+        position=position,
+        velocity=np.stack([v for _, v in states], axis=1),
+        input=np.stack([motion.input[motion.rows(middle)] for motion in motions], axis=1),
+        cell=mission.field.cell,
+        covered_at=covered_at(time - first, position, mission.field.cell, mission.fleet.radius),
+        agent_id=mission.fleet.ids,
+        mission=mission,
+        meta=meta,
+    )
+
+
+def _span(motions: Sequence[Motion]) -> tuple[float, float]:
+    """Return when the first plan started, and when everyone had come to rest for good [s]."""
+    common = max(float(motion.time[0]) for motion in motions), min(float(motion.time[-1]) for motion in motions)
+    starts = [float(motion.time[np.argmax(motion.flown)]) for motion in motions if motion.flown.any()]
+    first = max(common[0], min(starts, default=common[0]))
+    rests = [
+        float(motion.time[np.flatnonzero(motion.moving())[-1] + 1]) for motion in motions if motion.moving()[:-1].any()
+    ]
+    return first, min(common[1], max(rests, default=common[1]))
+
+
+def _instants(motions: Sequence[Motion], first: float, last: float) -> FloatArray:
+    """Return every agent's breakpoints between first and last (T,) [s], both included."""
+    inner = np.unique(np.concatenate([motion.time for motion in motions]))
+    inner = inner[(inner > first + MERGE_S) & (inner < last - MERGE_S)]
+    if inner.size:
+        inner = inner[np.append(True, np.diff(inner) > MERGE_S)]
+    return np.concatenate([[first], inner, [last]])

@@ -1,0 +1,40 @@
+"""The verifier of a trajectory file: the motion, and the coverage it claims."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.verification.coverage_claim import check_coverage
+from mpc_cover.verification.motion import verify_motion
+from mpc_cover.verification.report import Check, Report
+
+if TYPE_CHECKING:
+    from mpc_cover.trajectory import Trajectory
+
+TOLERANCE = 1e-6
+"""What a limit may be exceeded by, and a residual may amount to [m, m/s, m/s^2]."""
+
+
+def check_trajectory(trajectory: Trajectory) -> Report:
+    """Verify a trajectory against the mission it carries.
+
+    The motion starts in the mission's start at rest, and a plan (meta["kind"]) ends at rest; the
+    coverage is recomputed from the positions at the samples.
+    """
+    fleet = trajectory.mission.fleet
+    motion = verify_motion(
+        fleet,
+        trajectory.time,
+        trajectory.position,
+        trajectory.velocity,
+        trajectory.input,
+        tolerance=TOLERANCE,
+        at_rest=trajectory.meta.get("kind") == "plan",
+        start=(fleet.start, np.zeros_like(fleet.start)),
+    )
+    if not motion.checks[0].holds:
+        unseen = Check("coverage", holds=False, margin=-np.inf, unit="s", where="not looked at")
+        return Report((*motion.checks, unseen))
+    return Report((*motion.checks, *check_coverage(trajectory)))

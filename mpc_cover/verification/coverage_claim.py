@@ -1,0 +1,92 @@
+"""Whether the coverage that a trajectory claims is what its positions measured: no earlier, and no later."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.verification.report import Check
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.trajectory import Trajectory
+
+_TIE = 1e-9
+"""A cell at distance exactly rho counts as measured, whatever the last bit says [m]."""
+_DOUBT = 1e-10
+"""Within this of the tie [m], rounding decides, and either answer is honest."""
+_SAME_TIME = 1e-9
+_SAME_CELL = 1e-9
+
+
+def check_coverage(trajectory: Trajectory) -> list[Check]:
+    """Check the cells against the mission's, and `covered_at` against the discs flown (3.23, 4.29)."""
+    cells = _check_cells(trajectory)
+    if not cells.holds:
+        skipped = [Check(name, False, -np.inf, "s", "not looked at") for name in ("coverage claimed", "coverage kept")]
+        return [cells, *skipped]
+    radius = trajectory.mission.fleet.radius
+    earliest = first_measured(trajectory, radius + _TIE + _DOUBT)
+    latest = first_measured(trajectory, radius + _TIE - _DOUBT)
+    claimed = trajectory.covered_at
+    return [
+        cells,
+        _check_claim("coverage claimed", _difference(claimed, earliest), trajectory, earliest),
+        _check_claim("coverage kept", _difference(latest, claimed), trajectory, latest),
+    ]
+
+
+def first_measured(trajectory: Trajectory, radius: FloatArray) -> FloatArray:
+    """Return (K,) [s]: the first sample by which every magnitude was measured on each cell; inf where never.
+
+    `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude.
+    """
+    done = np.zeros(trajectory.cell.shape[0])
+    for reach in radius.T:
+        first = np.full_like(done, np.inf)
+        able = np.flatnonzero(reach > 0.0)
+        owed = np.arange(done.size)
+        for time, position in zip(trajectory.time, trajectory.position, strict=True):
+            offset = trajectory.cell[owed, None] - position[able]
+            seen = (np.einsum("kad,kad->ka", offset, offset) <= reach[able] ** 2).any(axis=1)
+            first[owed[seen]] = time
+            owed = owed[~seen]
+            if owed.size == 0:
+                break
+        done = np.maximum(done, first)
+    return done
+
+
+def _check_cells(trajectory: Trajectory) -> Check:
+    """Check that the file's cells are those that its mission is cut into."""
+    expected = trajectory.mission.field.cell
+    if trajectory.cell.shape != expected.shape or trajectory.covered_at.shape != expected.shape[:1]:
+        where = f"cell {trajectory.cell.shape}, covered_at {trajectory.covered_at.shape}, must be {expected.shape}"
+        return Check("cells of the mission", False, -np.inf, "m", where)
+    away = np.linalg.norm(trajectory.cell - expected, axis=1)
+    k = int(np.argmax(away))
+    margin = float(_SAME_CELL - away[k])
+    return Check("cells of the mission", margin >= 0.0, margin, "m", f"cell {k}")
+
+
+def _difference(later: FloatArray, sooner: FloatArray) -> FloatArray:
+    """Return later - sooner [s], where never equals never."""
+    both_never = np.isinf(later) & np.isinf(sooner)
+    return np.subtract(later, sooner, out=np.zeros_like(later), where=~both_never)
+
+
+def _check_claim(name: str, slack: FloatArray, trajectory: Trajectory, truth: FloatArray) -> Check:
+    """Return the check whose margin is the smallest of the (K,) slacks [s]."""
+    bad = ~(slack >= -_SAME_TIME)
+    if not bad.any():
+        return Check(name, holds=True, margin=float(max(0.0, slack.min())), unit="s", where=f"{slack.size} cells")
+    k = int(np.argmin(slack))
+    cell = ", ".join(f"{x:.3g}" for x in trajectory.cell[k])
+    more = f" and {int(bad.sum()) - 1} more" if bad.sum() > 1 else ""
+    claim, fact = _say(trajectory.covered_at[k], "covered"), _say(truth[k], "measured")
+    return Check(name, False, float(slack[k]), "s", f"cell {k} at ({cell}){more}: claimed {claim}, was {fact}")
+
+
+def _say(time: float, done: str) -> str:
+    return f"{done} at t = {time:.3f} s" if np.isfinite(time) else f"never {done}"

@@ -1,0 +1,135 @@
+"""The verifier of a motion: dynamics, limits, separation and connectivity, on the continuous path."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.verification.connectivity import widest_bottleneck
+from mpc_cover.verification.limits import (
+    check_box,
+    check_dynamics,
+    check_input,
+    check_rest,
+    check_speed,
+    check_start,
+)
+from mpc_cover.verification.path import Path
+from mpc_cover.verification.report import Check, Report
+from mpc_cover.verification.separation import smallest_separation
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.verification.separation import Distance
+
+_LARGEST = 1e9
+"""Numbers beyond this are no motion, and their squares may overflow [s, m, m/s, m/s^2]."""
+
+
+def verify_motion(
+    fleet: Fleet,
+    time: FloatArray,
+    position: FloatArray,
+    velocity: FloatArray,
+    force: FloatArray,
+    *,
+    tolerance: float = 1e-6,
+    at_rest: bool = False,
+    start: tuple[FloatArray, FloatArray] | None = None,
+) -> Report:
+    """Verify a motion along its continuous path under a zero-order hold.
+
+    It never raises on account of the motion: wrong shapes and numbers that are not finite fail the first
+    check, and everything else with it.
+
+    Parameters
+    ----------
+    fleet : limits, box, rho_B (0: not asked for) and rho_C (inf: not asked for).
+    time : (T,) [s], strictly increasing, not necessarily even, T >= 2.
+    position, velocity : (T, m, d) [m], [m/s].
+    force : (T-1, m, d) inputs [m/s^2], held over each interval.
+    tolerance : what a limit may be exceeded by, and a residual may amount to [m, m/s, m/s^2].
+    at_rest : whether the fleet must stand still at the end.
+    start : (m, d) position [m] and velocity [m/s] that the motion must start in.
+    """
+    arrays = [time, position, velocity, force, *(start or ())]
+    if (wrong := _what_is_wrong(fleet, arrays)) is not None:
+        return _nothing_else_looked_at(fleet, wrong, at_rest=at_rest, start=start is not None)
+    path = Path(*(np.asarray(array, dtype=float) for array in arrays[:4]))
+    checks = [
+        Check("numbers", holds=True, margin=0.0, unit="", where="all finite"),
+        *check_dynamics(path, fleet.ids, tolerance),
+        check_speed(path, fleet, tolerance),
+        check_input(path, fleet, tolerance),
+        check_box(path, fleet, tolerance),
+    ]
+    if fleet.size > 1 and fleet.separation_min > 0.0:
+        checks.append(_check_separation(path, fleet, tolerance))
+    if fleet.size > 1 and np.isfinite(fleet.communication_range):
+        checks.append(_check_connectivity(path, fleet, tolerance))
+    if at_rest:
+        checks.append(check_rest(path, fleet.ids, tolerance))
+    if start is not None:
+        checks.extend(check_start(path, start, fleet.ids, tolerance))
+    return Report(tuple(checks))
+
+
+def _check_separation(path: Path, fleet: Fleet, tolerance: float) -> Check:
+    """Check ||q_i - q_j|| >= rho_B at every instant (4.18)."""
+    closest = smallest_separation(path)
+    assert closest is not None, "asked for with two agents at least"
+    margin = closest.value - fleet.separation_min
+    return Check("separation", margin >= -tolerance, margin, "m", describe(closest, fleet.ids))
+
+
+def _check_connectivity(path: Path, fleet: Fleet, tolerance: float) -> Check:
+    """Check that edges of at most rho_C connect the fleet at every instant (4.20)."""
+    widest = widest_bottleneck(path, limit=fleet.communication_range, resolution=0.5 * tolerance)
+    assert widest is not None, "asked for with two agents at least"
+    margin = fleet.communication_range - widest.value
+    return Check("connectivity", margin >= -tolerance, margin, "m", describe(widest, fleet.ids))
+
+
+def describe(distance: Distance, ids: tuple[str, ...]) -> str:
+    """Return which pair, and when."""
+    return f"{ids[distance.pair[0]]} - {ids[distance.pair[1]]}, t = {distance.time:.3f} s"
+
+
+def _what_is_wrong(fleet: Fleet, arrays: list[FloatArray]) -> str | None:
+    """Return why the (time, position, velocity, force, start ...) are not a motion of this fleet, or None."""
+    time = arrays[0]
+    if np.ndim(time) != 1 or np.size(time) < 2:  # noqa: PLR2004 - one interval
+        return f"time has shape {np.shape(time)}, must hold two samples at least"
+    state = (fleet.size, fleet.dimension)
+    samples = np.size(time)
+    shapes = [(samples,), (samples, *state), (samples, *state), (samples - 1, *state), state, state]
+    names = ["time", "position", "velocity", "input", "start position", "start velocity"]
+    for name, array, shape in zip(names, arrays, shapes, strict=False):
+        if np.shape(array) != shape:
+            return f"{name} has shape {np.shape(array)}, must be {shape}"
+        # written so that NaN fails, too
+        if not (good := np.abs(array) <= _LARGEST).all():
+            index = [int(i) for i in np.argwhere(~good)[0]]
+            return f"{name}{index} is {np.asarray(array)[tuple(index)]}, must be finite and below {_LARGEST:g}"
+    if not (forward := np.diff(time) > 0.0).all():
+        return f"time[{int(np.argmin(forward)) + 1}] is not after the one before"
+    return None
+
+
+def _nothing_else_looked_at(fleet: Fleet, wrong: str, *, at_rest: bool, start: bool) -> Report:
+    """Return a report in which every check has failed, because the arrays are not a motion."""
+    asked = {
+        "dynamics of position": "m",
+        "dynamics of velocity": "m/s",
+        "speed": "m/s",
+        "input": "m/s^2",
+        "box": "m",
+        **({"separation": "m"} if fleet.size > 1 and fleet.separation_min > 0.0 else {}),
+        **({"connectivity": "m"} if fleet.size > 1 and np.isfinite(fleet.communication_range) else {}),
+        **({"rest at the end": "m/s"} if at_rest else {}),
+        **({"start position": "m", "start velocity": "m/s"} if start else {}),
+    }
+    skipped = (Check(name, False, -np.inf, unit, "not looked at") for name, unit in asked.items())
+    return Report((Check("numbers", holds=False, margin=-np.inf, unit="", where=wrong), *skipped))

@@ -1,0 +1,57 @@
+"""The continuous path of a fleet under a zero-order hold: a parabola on each interval (3.1, 4.23)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A motion sampled at times that need not be evenly spaced.
+
+    Attributes
+    ----------
+    time : (T,) [s], strictly increasing.
+    position, velocity : (T, m, d) [m], [m/s].
+    force : (T-1, m, d) inputs [m/s^2], held over each interval.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    force: FloatArray
+
+    @property
+    def step(self) -> FloatArray:
+        """(T-1, 1, 1) lengths of the intervals [s], ready to be broadcast."""
+        return np.diff(self.time)[:, None, None]
+
+    @property
+    def pair(self) -> tuple[IntArray, IntArray]:
+        """The (P,) first and (P,) second agent of each pair, P = m (m - 1) / 2."""
+        return np.triu_indices(self.position.shape[1], k=1)
+
+    def relative(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return (a, b, c), each (T-1, P, d) [m]: a pair is at a + b s + c s^2 from each other, s in [0, 1]."""
+        first, second = self.pair
+        step = self.step
+        a = self.position[:-1, first] - self.position[:-1, second]
+        b = (self.velocity[:-1, first] - self.velocity[:-1, second]) * step
+        c = (self.force[:, first] - self.force[:, second]) * (0.5 * step**2)
+        return a, b, c
+
+    def dense(self, points: int) -> tuple[FloatArray, FloatArray]:
+        """Return times (Q,) [s] and positions (Q, m, d) [m] at `points` instants of each interval, and the end."""
+        part = np.arange(points) / points
+        step = self.step[:, None]
+        elapsed = part[None, :, None, None] * step
+        moved = self.position[:-1, None] + elapsed * self.velocity[:-1, None] + 0.5 * elapsed**2 * self.force[:, None]
+        times = (self.time[:-1, None] + part * np.diff(self.time)[:, None]).ravel()
+        flat = moved.reshape(-1, *self.position.shape[1:])
+        return np.append(times, self.time[-1]), np.concatenate([flat, self.position[-1:]])

@@ -1,0 +1,185 @@
+"""A run in figures: what was covered and when, and how near its limits the fleet came."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpc_cover.verification.connectivity import widest_bottleneck
+from mpc_cover.verification.path import Path
+from mpc_cover.verification.separation import smallest_separation
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.verification.report import Report
+
+_TOLERANCE = 1e-6
+_LEVELS = (90, 95, 99, 100)
+
+
+@dataclass(frozen=True)
+class StepTimes:
+    """How long the controller's steps took; a miss is a step longer than the period."""
+
+    steps: int
+    p50_ms: float
+    p99_ms: float
+    max_ms: float
+    period_ms: float
+    misses: int
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """A run in figures; None is "never", "not asked for" or "does not apply".
+
+    Attributes
+    ----------
+    covered_percent : rounded down to a hundredth, so that 100 means all of it.
+    time_to_90_s, ... : when that part of the cells was covered.
+    smallest_separation_m : along the continuous path; None for a single agent.
+    separation_min_m, communication_range_m : rho_B and rho_C.
+    largest_speed_m_per_s, largest_input_m_per_s2 : those nearest their bounds, which come with them.
+    connected : whether the fleet was connected at every instant; None where it was not asked for.
+    bottleneck_m : the largest edge of the Euclidean minimum spanning tree at any instant.
+    distance_m : travelled, by agent.
+    swath_bound_s : T_b, about which no plan can be faster to cover everything.
+    ratio_to_bound : time_to_99_s over T_b.
+    """
+
+    mission: str
+    kind: str
+    holds: bool
+    violations: tuple[str, ...]
+    duration_s: float
+    cells: int
+    covered_cells: int
+    covered_percent: float
+    time_to_90_s: float | None
+    time_to_95_s: float | None
+    time_to_99_s: float | None
+    time_to_100_s: float | None
+    smallest_separation_m: float | None
+    separation_min_m: float | None
+    connected: bool | None
+    bottleneck_m: float | None
+    communication_range_m: float | None
+    largest_speed_m_per_s: float
+    speed_max_m_per_s: float
+    largest_input_m_per_s2: float
+    input_max_m_per_s2: float
+    distance_m: dict[str, float]
+    distance_total_m: float
+    swath_bound_s: float | None
+    ratio_to_bound: float | None
+    step_times: StepTimes | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the summary as plain data for `--json`."""
+        return asdict(self) | {"violations": list(self.violations)}
+
+
+def summarise(trajectory: Trajectory, report: Report, step_times: FloatArray | None = None) -> RunSummary:
+    """Return a trajectory's summary; `step_times` are the controller's (S,) [s], if it is known."""
+    mission, fleet = trajectory.mission, trajectory.mission.fleet
+    path = Path(trajectory.time, trajectory.position, trajectory.velocity, trajectory.input)
+    closest, widest = smallest_separation(path), widest_bottleneck(path)
+    asked = bool(np.isfinite(fleet.communication_range))
+    speed, speed_max = _nearest_bound(trajectory.velocity, fleet.speed_max)
+    force, force_max = _nearest_bound(trajectory.input, fleet.input_max)
+    reached = {level: time_to_cover(trajectory, level) for level in _LEVELS}
+    bound = swath_bound(mission)
+    distance = distance_travelled(path)
+    covered = int(np.isfinite(trajectory.covered_at).sum())
+    return RunSummary(
+        mission=mission.spec.name,
+        kind=str(trajectory.meta.get("kind", "unknown")),
+        holds=report.holds,
+        violations=tuple(str(check) for check in report.failures),
+        duration_s=float(trajectory.time[-1] - trajectory.time[0]),
+        cells=mission.field.size,
+        covered_cells=covered,
+        covered_percent=floor_percent(covered, mission.field.size),
+        time_to_90_s=reached[90],
+        time_to_95_s=reached[95],
+        time_to_99_s=reached[99],
+        time_to_100_s=reached[100],
+        smallest_separation_m=closest.value if closest else None,
+        separation_min_m=fleet.separation_min or None,
+        connected=widest.value <= fleet.communication_range + _TOLERANCE if widest and asked else None,
+        bottleneck_m=widest.value if widest else None,
+        communication_range_m=fleet.communication_range if asked else None,
+        largest_speed_m_per_s=speed,
+        speed_max_m_per_s=speed_max,
+        largest_input_m_per_s2=force,
+        input_max_m_per_s2=force_max,
+        distance_m=dict(zip(fleet.ids, distance.tolist(), strict=True)),
+        distance_total_m=float(distance.sum()),
+        swath_bound_s=bound,
+        ratio_to_bound=reached[99] / bound if bound and reached[99] is not None else None,
+        step_times=summarise_steps(step_times, mission.spec.control.period_s),
+    )
+
+
+def floor_percent(part: int, whole: int, decimals: int = 2) -> float:
+    """Return 100 part / whole rounded down, so that 99.96 % is never shown as 100 %."""
+    scale: int = 10**decimals
+    return (100 * scale * part // whole) / scale
+
+
+def time_to_cover(trajectory: Trajectory, percent: int) -> float | None:
+    """Return when [s] at least `percent` of the cells were covered; None if they never were."""
+    cells = trajectory.covered_at.size
+    needed = -(-percent * cells // 100)
+    time = float(np.sort(trajectory.covered_at)[max(needed, 1) - 1])
+    return time if math.isfinite(time) else None
+
+
+def distance_travelled(path: Path) -> FloatArray:
+    """Return (m,) [m]: the lengths of the continuous paths, by quadrature of the speed."""
+    node, weight = np.polynomial.legendre.leggauss(8)
+    step = path.step
+    elapsed = 0.5 * (node + 1.0) * step
+    velocity = path.velocity[:-1, :, None] + elapsed[..., None] * path.force[:, :, None]
+    speed = np.linalg.norm(velocity, axis=-1)
+    return np.asarray(((speed * (0.5 * weight)).sum(axis=-1) * step[..., 0]).sum(axis=0))
+
+
+def swath_bound(mission: Mission) -> float | None:
+    """Return T_b = (A - sum pi rho_i^2) / sum (2 rho_i v_i) [s] of a planar mission with one magnitude, else None.
+
+    Each agent starts with its disc and sweeps a strip 2 rho wide; what is left of A takes about this long.
+    """
+    fleet = mission.fleet
+    if fleet.dimension != 2 or fleet.radius.shape[1] != 1:  # noqa: PLR2004 - the plane
+        return None
+    radius = np.maximum(fleet.radius[:, 0], 0.0)
+    left = mission.field.measure - float(np.pi * (radius**2).sum())
+    return left / float(2.0 * (radius * fleet.speed_max).sum()) if left > 0.0 else None
+
+
+def summarise_steps(step_times: FloatArray | None, period_s: float) -> StepTimes | None:
+    """Return the percentiles of the (S,) step times [s]; None without any."""
+    if step_times is None or step_times.size == 0:
+        return None
+    p50, p99 = np.percentile(1e3 * step_times, (50, 99))
+    return StepTimes(
+        steps=step_times.size,
+        p50_ms=float(p50),
+        p99_ms=float(p99),
+        max_ms=float(1e3 * step_times.max()),
+        period_ms=1e3 * period_s,
+        misses=int((step_times > period_s).sum()),
+    )
+
+
+def _nearest_bound(value: FloatArray, bound: FloatArray) -> tuple[float, float]:
+    """Return the largest norm of (n, m, d) relative to its agent's bound (m,), and that bound."""
+    norm = np.linalg.norm(value, axis=2)
+    row, agent = np.unravel_index(int(np.argmax(norm / bound)), norm.shape)
+    return float(norm[row, agent]), float(bound[agent])

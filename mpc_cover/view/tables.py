@@ -1,0 +1,101 @@
+"""A run's summary and the verifier's report as tables for a terminal."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rich.console import Console
+
+    from mpc_cover.verification.report import Report
+    from mpc_cover.verification.summary import RunSummary
+
+
+def print_summary(summary: RunSummary, console: Console) -> None:
+    """Print what was covered and when, and how near its limits the fleet came."""
+    table = Table(title=f"{summary.mission} ({summary.kind})", show_header=False, title_justify="left")
+    table.add_column(style="bold")
+    table.add_column()
+    for name, value in _rows(summary):
+        table.add_row(name, value)
+    console.print(table)
+    for violation in summary.violations:
+        console.print(Text(f"violation: {violation}", style="bold red"))
+
+
+def print_report(report: Report, console: Console) -> None:
+    """Print what holds and by what margin."""
+    table = Table(title="verification", title_justify="left")
+    for header in ("check", "holds", "margin", "where it is smallest"):
+        table.add_column(header, justify="right" if header == "margin" else "left")
+    for check in report.checks:
+        verdict = Text("yes", style="green") if check.holds else Text("NO", style="bold red")
+        table.add_row(Text(check.name), verdict, Text(_margin(check.margin, check.unit)), Text(check.where))
+    console.print(table)
+    failed = len(report.failures)
+    if failed:
+        console.print(Text(f"{failed} of {len(report.checks)} checks failed", style="bold red"))
+    else:
+        console.print(Text(f"all {len(report.checks)} checks hold", style="green"))
+
+
+def _margin(margin: float, unit: str) -> str:
+    """Return a signed margin; a violation's sign is never rounded away."""
+    if margin in (float("inf"), float("-inf")):
+        return "-"
+    digits = f"{margin:+.4f}" if abs(margin) >= 1e-3 or margin == 0.0 else f"{margin:+.1e}"  # noqa: PLR2004 - taste
+    return f"{digits} {unit}".rstrip()
+
+
+def _rows(summary: RunSummary) -> Iterator[tuple[str, Text]]:
+    covered = f"{summary.covered_percent:.2f} % ({summary.covered_cells} of {summary.cells} cells)"
+    yield "covered", Text(covered, style="green" if summary.covered_cells == summary.cells else "")
+    times = (summary.time_to_90_s, summary.time_to_95_s, summary.time_to_99_s, summary.time_to_100_s)
+    yield "time to 90 / 95 / 99 / 100 %", Text(" / ".join(_or(time, "{:.1f} s", "never") for time in times))
+    if summary.swath_bound_s is not None:
+        ratio = _or(summary.ratio_to_bound, "99 % after {:.2f} times that", "99 % never reached")
+        yield "swath bound", Text(f"{summary.swath_bound_s:.1f} s; {ratio}")
+    if summary.smallest_separation_m is not None:
+        asked = _or(summary.separation_min_m, "at least {:g} m asked for", "nothing asked for")
+        yield "smallest separation", Text(f"{_down(summary.smallest_separation_m):.3f} m ({asked})")
+    if summary.bottleneck_m is not None:
+        yield "connected throughout", _connected(summary, summary.bottleneck_m)
+    yield "largest speed", Text(f"{_up(summary.largest_speed_m_per_s):.3f} of {summary.speed_max_m_per_s:g} m/s")
+    yield "largest input", Text(f"{_up(summary.largest_input_m_per_s2):.3f} of {summary.input_max_m_per_s2:g} m/s^2")
+    each = ", ".join(f"{name} {metres:.1f}" for name, metres in summary.distance_m.items())
+    yield "distance travelled", Text(f"{summary.distance_total_m:.1f} m ({each})")
+    yield "duration", Text(f"{summary.duration_s:.1f} s")
+    if (steps := summary.step_times) is not None:
+        taken = f"{steps.p50_ms:.1f} / {steps.p99_ms:.1f} / {steps.max_ms:.1f} ms of {steps.period_ms:g} ms"
+        yield "step time p50 / p99 / max", Text(taken)
+        missed = Text(f"{steps.misses} of {steps.steps}", style="bold red" if steps.misses else "")
+        yield "periods missed", missed
+    yield "verified", Text("yes", style="green") if summary.holds else Text("NO", style="bold red")
+
+
+def _connected(summary: RunSummary, bottleneck: float) -> Text:
+    edge = f"longest tree edge {_up(bottleneck):.3f} m"
+    if summary.connected is None:
+        return Text(f"not asked for ({edge})")
+    detail = f" ({edge} of {summary.communication_range_m:g} m)"
+    return Text(f"yes{detail}") if summary.connected else Text(f"NO{detail}", style="bold red")
+
+
+def _or(value: float | None, form: str, otherwise: str) -> str:
+    return otherwise if value is None else form.format(value)
+
+
+def _down(value: float) -> float:
+    """Round down to a thousandth, so that a distance too short never looks long enough; 1e-6 is forgiven."""
+    return math.floor(1e3 * value + 1e-3) / 1e3
+
+
+def _up(value: float) -> float:
+    """Round up to a thousandth, so that what exceeds its bound never looks within it; 1e-6 is forgiven."""
+    return math.ceil(1e3 * value - 1e-3) / 1e3

@@ -1,0 +1,89 @@
+"""Sorting the rows l <= A x <= u by kind, and stacking some of them into another solver's layout."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from solvers.checks import column_of_each_entry
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+UPPER, LOWER, EQUAL = 1, 2, 4
+
+
+def row_kinds(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Return for each row EQUAL, or which of UPPER and LOWER are finite (their sum; 0: a free row)."""
+    kinds: NDArray[np.uint8] = (UPPER * np.isfinite(upper) + LOWER * np.isfinite(lower)).astype(np.uint8)
+    kinds[lower == upper] = EQUAL
+    return kinds
+
+
+@dataclass(frozen=True)
+class StackedRows:
+    """Rows of a csc matrix, some negated, stacked into a csc matrix whose values can be refreshed.
+
+    Attributes
+    ----------
+    matrix: the stack; `refresh` writes into its data.
+    source: for each of its entries the place in the data of the matrix it came from.
+    sign: +1 or -1 for each of its entries.
+    """
+
+    matrix: sp.csc_matrix[np.float64]
+    source: NDArray[np.intp]
+    sign: NDArray[np.float64]
+
+    def refresh(self, data: NDArray[np.float64]) -> None:
+        """Take the values from `data`, the data of the original matrices one behind the other."""
+        # mode="clip" spares numpy the buffered copy that its default needs to be able to raise
+        np.take(data, self.source, out=self.matrix.data, mode="clip")
+        self.matrix.data *= self.sign
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some rows of a matrix, times a sign; `offset` is where its values begin in the data for `refresh`."""
+
+    matrix: sp.csc_array[np.float64]
+    rows: NDArray[np.intp]
+    sign: float
+    offset: int = 0
+
+
+def stack_rows(blocks: Sequence[Block], data: NDArray[np.float64]) -> StackedRows:
+    """Return block under block, with the values of `data`."""
+    width = blocks[0].matrix.shape[1]
+    rows, columns, sources, signs = [], [], [], []
+    height = 0
+    for block in blocks:
+        place = np.full(block.matrix.shape[0], -1)
+        place[block.rows] = np.arange(height, height + block.rows.size)
+        taken = np.flatnonzero(place[block.matrix.indices] >= 0)
+        rows.append(place[block.matrix.indices[taken]])
+        columns.append(column_of_each_entry(block.matrix)[taken])
+        sources.append(taken + block.offset)
+        signs.append(np.full(taken.size, block.sign))
+        height += block.rows.size
+    row, column = np.concatenate(rows), np.concatenate(columns)
+    order = np.lexsort((row, column))
+    # int32 indices are what the native layouts hold: anything else is converted at every call
+    indptr = np.concatenate(([0], np.cumsum(np.bincount(column, minlength=width)))).astype(np.int32)
+    entries = (np.empty(row.size), row[order].astype(np.int32), indptr)
+    stacked = sp.csc_matrix(entries, shape=(height, width))
+    result = StackedRows(stacked, np.concatenate(sources)[order], np.concatenate(signs)[order])
+    result.refresh(data)
+    return result
+
+
+def native_csc(matrix: sp.csc_array[np.float64]) -> sp.csc_matrix[np.float64]:
+    """Return a csc_matrix with int32 indices that shares the data (native bindings know no csc_array)."""
+    return sp.csc_matrix(
+        (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)), shape=matrix.shape
+    )

@@ -1,0 +1,161 @@
+"""The data of a convex QP with optional second-order cones, and the record of its solution.
+
+    minimise    1/2 x'Px + q'x
+    subject to  l <= A x <= u,   h + G x in K
+
+K is a product of second-order cones {(t, v): ||v||_2 <= t}. The QP of Appendix A of the thesis is the
+case without cones, with W_k for P.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from solvers.checks import (
+    INFINITE,
+    InvalidQPError,
+    check_bounds,
+    check_diagonal,
+    check_finite,
+    check_matrix,
+    column_of_each_entry,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solvers.residuals import Residuals
+    from solvers.status import Status
+
+__all__ = ["INFINITE", "QP", "InvalidQPError", "QPSolution", "SecondOrderCones"]
+
+
+@dataclass(frozen=True)
+class SecondOrderCones:
+    """The constraint h + G x in K, K = K_1 x K_2 x ..., K_i = {(t, v): ||v||_2 <= t} in R^sizes[i].
+
+    Attributes
+    ----------
+    G: (k, n), canonical csc.
+    h: (k,).
+    sizes: dimensions of the cones; they sum to k.
+    """
+
+    G: sp.csc_array[np.float64]
+    h: NDArray[np.float64]
+    sizes: tuple[int, ...]
+
+    def validate(self, n: int) -> None:
+        """Raise `InvalidQPError` unless the cones are well formed for `n` variables."""
+        if any(size < 1 for size in self.sizes):
+            raise InvalidQPError(f"cones.sizes: every cone needs at least one row, got {self.sizes}")
+        rows = sum(self.sizes)
+        check_matrix("cones.G", self.G, (rows, n))
+        check_finite("cones.h", self.h, rows)
+
+
+@dataclass(frozen=True)
+class QP:
+    """One convex QP. Nothing is copied or converted; `validate` says what is wrong.
+
+    Attributes
+    ----------
+    P: (n, n), canonical csc, upper triangle with the diagonal; positive semi-definite is the caller's
+        promise (only a negative diagonal is looked for).
+    q: (n,), finite.
+    A: (m, n), canonical csc; m = 0 is fine.
+    l, u: (m,), l <= u, infinite where there is no bound (see `INFINITE`).
+    cones: second-order cones, or None.
+    """
+
+    P: sp.csc_array[np.float64]
+    q: NDArray[np.float64]
+    A: sp.csc_array[np.float64]
+    l: NDArray[np.float64]  # noqa: E741 - the field's own letter
+    u: NDArray[np.float64]
+    cones: SecondOrderCones | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of variables."""
+        return int(self.q.shape[0])
+
+    @property
+    def m(self) -> int:
+        """Number of rows of A."""
+        return int(self.l.shape[0])
+
+    def validate(self) -> None:
+        """Raise `InvalidQPError`, naming the field, unless every back-end can take these data."""
+        if self.q.ndim != 1 or self.n == 0:
+            raise InvalidQPError(f"q: needs shape (n,) with n >= 1, got {self.q.shape}")
+        if self.l.ndim != 1:
+            raise InvalidQPError(f"l: needs shape (m,), got {self.l.shape}")
+        check_finite("q", self.q, self.n)
+        check_matrix("P", self.P, (self.n, self.n))
+        columns = column_of_each_entry(self.P)
+        if (below := np.flatnonzero(self.P.indices > columns)).size:
+            row, column = self.P.indices[below[0]], columns[below[0]]
+            raise InvalidQPError(f"P: only the upper triangle is stored, but there is an entry ({row}, {column})")
+        check_diagonal(self.P.data, np.flatnonzero(self.P.indices == columns))
+        check_matrix("A", self.A, (self.m, self.n))
+        check_bounds(self.l, self.u, self.m)
+        if self.cones is not None:
+            self.cones.validate(self.n)
+
+    def same_pattern(self, other: QP) -> bool:
+        """Whether the other problem differs in values of P, q, A, l and u only."""
+        return self.cones is other.cones and all(
+            one.shape == two.shape
+            and np.array_equal(one.indptr, two.indptr)
+            and np.array_equal(one.indices, two.indices)
+            for one, two in ((self.P, other.P), (self.A, other.A))
+        )
+
+    def own_copy(self) -> QP:
+        """Return the problem with values of its own, opened up, and the pattern shared."""
+        P = sp.csc_array((self.P.data.copy(), self.P.indices, self.P.indptr), shape=self.P.shape)
+        A = sp.csc_array((self.A.data.copy(), self.A.indices, self.A.indptr), shape=self.A.shape)
+        own = QP(P, self.q.copy(), A, self.l.copy(), self.u.copy(), self.cones)
+        own.open_up()
+        return own
+
+    def open_up(self) -> None:
+        """Write into l and u what counts as infinite as infinite, so that all back-ends see the same."""
+        self.l[self.l <= -INFINITE] = -np.inf
+        self.u[self.u >= INFINITE] = np.inf
+
+
+@dataclass(frozen=True)
+class QPSolution:
+    """What a back-end hands back; `status` is judged by the residuals, not by the library's word.
+
+    Attributes
+    ----------
+    x: (n,), NaN where the library gave nothing.
+    y: (m,), multipliers of l <= A x <= u, positive at the upper bound (OSQP's convention):
+        P x + q + A'y - G'cone_dual = 0.
+    setup_time_s: set-ups charged to this solve [s]; 0 after mere updates.
+    solve_time_s: this solve alone [s].
+    cone_dual: (k,), multipliers of the cones, or None.
+    detail: the library's own word for the outcome, or the exception that it died of.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    status: Status
+    residuals: Residuals
+    iterations: int
+    setup_time_s: float
+    solve_time_s: float
+    cone_dual: NDArray[np.float64] | None = None
+    detail: str = field(default="")
+
+    @property
+    def ok(self) -> bool:
+        """Whether the solution may be used without a second look."""
+        return self.status.ok
