@@ -100,7 +100,7 @@ class RecedingHorizon:
         whole = self._rest_of_whole(position, velocity, start_time)
         if whole is None:
             task = self._task(position, velocity, start_time)
-            candidate = self._engine.quick(task, self._horizon, deadline)
+            candidate = self._engine.quick(task, deadline)
             self._whole = candidate.plan if candidate.feasible else None
         else:
             self._whole, reason = self._improved(whole, deadline)

@@ -9,7 +9,7 @@ import numpy as np
 
 from mpc_cover.errors import UserError
 from mpc_cover.planning.continuation import judge, refine
-from mpc_cover.planning.planner import Task, plan_for, plan_whole
+from mpc_cover.planning.planner import Task, plan_whole
 from mpc_cover.planning.window import Window
 from solvers.backends.registry import UnknownBackendError, make_backend
 
@@ -41,9 +41,9 @@ class Engine:
         """Plan everything that is owed, thoroughly."""
         return plan_whole(task, self._backend, deadline=deadline)
 
-    def quick(self, task: Task, steps: int, deadline: float | None) -> Candidate:
-        """Plan `steps` samples from one start; anytime."""
-        return plan_for(task, self._backend, steps, starts=1, deadline=deadline)
+    def quick(self, task: Task, deadline: float | None) -> Candidate:
+        """Plan everything that is owed from one start, refined once if there is time."""
+        return plan_whole(task, self._backend, attempts=1, starts=1, deadline=deadline)
 
     def polish(self, window: Window, x: FloatArray, iterations: int, deadline: float | None) -> Refined:
         """Improve a motion that is already good by a few QPs."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.model.sensing import measured
 from mpc_cover.planning.continuation import SHARPNESS, Refined, judge, refine
 from mpc_cover.planning.follow import Motion, follow
 from mpc_cover.planning.guesses import Guess, rest_guess, sweep_guesses, tour_guess
@@ -23,6 +24,9 @@ COARSE = (2.0, 8.0, 20.0)
 """Stages that tell good starts from bad ones."""
 COMPRESSION = 0.84
 """A refined plan needs about this part of the time in which its guess flies."""
+_FINALISTS = 3
+"""Plans that are flown on to what they leave over, when none covers everything."""
+_EXTENSIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,31 +85,60 @@ def plan_whole(
     """Return a short plan that covers everything owed, or the best one found; anytime.
 
     Starts from sweeps and a tour, tells them apart by a few coarse stages, refines the best, and then
-    shortens what covers everything or lengthens what does not. `attempts` bounds the refinements,
-    `deadline` is on `time.perf_counter`.
+    shortens what covers everything or lengthens what does not. What is still left over is flown to at the
+    end. `attempts` bounds the refinements, `deadline` is on `time.perf_counter`.
     """
-    flights = _flights(task)
-    shortest = min(flight.steps for _, flight in flights)
+    flights = [(guess, _fly(task, guess, None)) for guess in _guesses(task)]
     least = int(np.ceil(_stopping_time(task) / task.period)) + 1
-    steps = max(least, round(COMPRESSION * shortest))
-    found: list[Candidate] = [_resting(task, least)]
-    too_short = 0
-    for attempt in range(attempts):
-        if _late(deadline) or (attempt > 0 and steps in (too_short, found[-1].plan.steps)):
-            break
+    steps = max(least, round(COMPRESSION * min(flight.steps for _, flight in flights)))
+    found: list[Candidate] = [_as_flown(task, *flight) for flight in flights]
+    found.append(_as_flown(task, rest := rest_guess(task.position), _fly(task, rest, least)))
+    tried: dict[int, bool] = {}
+    while len(tried) < attempts and steps not in tried and not _late(deadline):
         candidate = plan_for(task, backend, steps, starts=starts, deadline=deadline)
         found.append(candidate)
-        if candidate.complete:
-            steps = max(least, steps - 1)
-            if steps == too_short:
-                break
-        else:
-            too_short = max(too_short, steps)
-            if any(other.complete for other in found):
-                break
-            steps += max(1, round(0.05 * steps))
-    found += [_as_flown(task, guess, flight) for guess, flight in flights if not any(c.complete for c in found)]
-    return min(found, key=_rank)
+        tried[steps] = candidate.complete
+        if not candidate.complete and any(tried.values()):
+            break
+        left = _owed_after(task, candidate.plan).mean()
+        steps = max(least, steps - 1) if candidate.complete else steps + max(1, round(np.clip(left, 0.05, 0.3) * steps))
+    found.sort(key=_rank)
+    finished = [_extended(task, candidate, backend, deadline) for candidate in found[:_FINALISTS] if candidate.feasible]
+    return min([*finished, *found], key=_rank)
+
+
+def _extended(task: Task, candidate: Candidate, backend: Backend, deadline: float | None) -> Candidate:
+    """Fly on to what the candidate leaves over, from its end at rest."""
+    for _ in range(_EXTENSIONS):
+        weight = _owed_after(task, candidate.plan)
+        if not (weight > 0.0).any():
+            break
+        end = candidate.plan
+        rest = Task(task.fleet, task.cell, weight, end.position[-1], end.velocity[-1], end.end_time, task.period)
+        tour = tour_guess(rest.fleet, rest.cell, rest.weight, rest.position)
+        flight = _fly(rest, tour, None)
+        more = _as_flown(rest, tour, flight)
+        if not more.feasible and not _late(deadline):
+            more = plan_for(rest, backend, flight.steps, starts=1, deadline=deadline)
+        if not more.feasible or more.plan.steps == 0:
+            break
+        candidate = _joined(task, candidate, more)
+    return candidate
+
+
+def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:
+    velocity = np.concatenate([first.plan.velocity, second.plan.velocity[1:]])
+    window = task.window(velocity.shape[0] - 1)
+    judged = judge(window, velocity[1:].ravel())
+    return Candidate(task.plan(window, judged.x), judged.cost, judged.feasible, f"{first.kind}, then {second.kind}")
+
+
+def _owed_after(task: Task, plan: Plan) -> FloatArray:
+    """Return the weights (J, K) of what a plan's samples leave over."""
+    weight = task.weight
+    for position in plan.position:
+        weight = np.where(measured(position, task.cell, task.fleet.radius), 0.0, weight)
+    return weight
 
 
 def plan_for(
@@ -142,18 +175,10 @@ def _fly(task: Task, guess: Guess, steps: int | None) -> Motion:
     return follow(guess.paths, task.position, task.velocity, task.fleet, task.period, steps=steps)
 
 
-def _flights(task: Task) -> list[tuple[Guess, Motion]]:
-    return [(guess, _fly(task, guess, None)) for guess in _guesses(task)]
-
-
 def _as_flown(task: Task, guess: Guess, flight: Motion) -> Candidate:
     window = task.window(flight.steps)
     judged = judge(window, flight.decision)
     return Candidate(task.plan(window, flight.decision), judged.cost, judged.feasible, guess.kind)
-
-
-def _resting(task: Task, steps: int) -> Candidate:
-    return _as_flown(task, rest_guess(task.position), _fly(task, rest_guess(task.position), steps))
 
 
 def _stopping_time(task: Task) -> float:
@@ -161,8 +186,10 @@ def _stopping_time(task: Task) -> float:
     return float((speed / task.fleet.input_max).max()) + task.period
 
 
-def _rank(candidate: Candidate) -> tuple[bool, bool, float, int]:
-    return (not candidate.feasible, candidate.cost > 0.0, round(candidate.cost, 6), candidate.plan.steps)
+def _rank(candidate: Candidate) -> tuple[bool, bool, int, float]:
+    """Feasible before complete before short; what is incomplete, by what it leaves."""
+    short = candidate.plan.steps if candidate.complete else 0
+    return (not candidate.feasible, candidate.cost > 0.0, short, candidate.cost)
 
 
 def _late(deadline: float | None) -> bool:

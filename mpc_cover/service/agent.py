@@ -12,6 +12,7 @@ import numpy as np
 from mpc_cover.service import bus
 from mpc_cover.service.decoding import Reason, RejectedError, decode_plan
 from mpc_cover.service.events import EventLog
+from mpc_cover.service.fingerprint import mission_hash
 from mpc_cover.service.flight import SNAP_S, Flight, Plant, Schedule, flight_of, predict
 from mpc_cover.service.keys import Keys
 from mpc_cover.service.messages import State, encode
@@ -38,6 +39,7 @@ class Agent:
     mission, agent_id : which mission, and which of its agents.
     transport, clock : handed in; time stamps are of this clock.
     instance : names this life of the agent; plans for another are refused.
+    speed : how many seconds of `clock` pass in one of the machine's.
     recorder : told the exact motion, piece by piece.
     say : told events in words.
     """
@@ -50,6 +52,7 @@ class Agent:
         clock: Clock,
         *,
         instance: str | None = None,
+        speed: float = 1.0,
         recorder: Recorder | None = None,
         say: Callable[[str], None] | None = None,
     ) -> None:
@@ -58,7 +61,8 @@ class Agent:
         self.done = False  # an agent never has enough
         self.instance = instance or uuid.uuid4().hex
         self.rejected: Counter[Reason] = Counter()
-        self._clock = clock
+        self._clock, self._speed = clock, speed
+        self._mission = mission_hash(mission)
         self._transport = transport
         self._recorder = recorder
         self._dimension = mission.fleet.dimension
@@ -160,6 +164,8 @@ class Agent:
             plan=_ref(schedule.flying(plant.time_s)),
             next_plan=_ref(schedule.queue[0] if schedule.queue else None),
             at_rest=self.at_rest,
+            speed=self._speed,
+            mission=self._mission,
         )
         self._seq += 1
         self._states.publish(encode(state))

@@ -54,6 +54,7 @@ class Controller:
     epoch, identity : whose plans agents are to follow; a later controller has a higher epoch.
     speed : how many seconds of `clock` pass in one of the machine's.
     deadlines : whether steps have one; without, runs are deterministic.
+    stay : whether to keep answering after the mission is complete.
     journal : keeps what was covered; `resume` is what an earlier controller kept.
     say : told events in words.
     """
@@ -69,6 +70,7 @@ class Controller:
         identity: str = "controller",
         speed: float = 1.0,
         deadlines: bool = True,
+        stay: bool = False,
         journal: Journal | None = None,
         resume: Snapshot | None = None,
         steps: StepLog | None = None,
@@ -78,11 +80,11 @@ class Controller:
         self.phase = Phase.WAITING
         self.done = False
         self.steps = steps or StepLog()
-        self.fleet = FleetView(mission, transport)
+        self.fleet = FleetView(mission, transport, speed)
         self.heartbeat = Heartbeat(mission, transport, clock, identity, epoch=epoch, period_s=0.5 * speed, say=say)
         self._clock, self._transport = clock, transport
         self._control = mission.spec.control
-        self._speed, self._deadlines = speed, deadlines
+        self._speed, self._deadlines, self._stay = speed, deadlines, stay
         self._journal: Journal = journal or NoJournal()
         self._dispatch = Dispatch(mission, transport, epoch, identity)
         self._desk = CommandDesk(mission, transport)
@@ -253,7 +255,7 @@ class Controller:
 
     def _complete(self) -> None:
         self._enter(Phase.COMPLETE, "everything is covered and everyone is at rest")
-        self.done = True
+        self.done = not self._stay
 
     def _lost(self) -> bool:
         patience = LOST_AFTER * self._horizon_s
@@ -263,7 +265,8 @@ class Controller:
 
     def _land(self) -> None:
         """Nothing new is sent; wait until everyone that is heard has finished its plan."""
-        self.done = not self.fleet.moving(self._clock.now())
+        staying = self._stay and self.phase is Phase.COMPLETE
+        self.done = not staying and not self.fleet.moving(self._clock.now())
 
     # what a tick leaves behind
 

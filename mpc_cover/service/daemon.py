@@ -7,6 +7,7 @@ from threading import Event
 from typing import TYPE_CHECKING, Protocol, Self
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import FrameType, TracebackType
 
     from mpc_cover.clock import Clock
@@ -46,7 +47,7 @@ class Participant(Protocol):
 class Signals:
     """Turns SIGINT and SIGTERM into `stop`, which clocks wait on; `received` is the first of them, or 0.
 
-    Handlers only set an event: nothing is interrupted in the middle of a tick.
+    Handlers only set an event: nothing is interrupted in the middle of a tick, unless Ctrl-C comes twice.
     """
 
     def __init__(self) -> None:
@@ -73,15 +74,19 @@ class Signals:
         return 128 + self.received if self.received else 0
 
     def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - the signal module's signature
+        if self.received and number == signal.SIGINT:
+            raise KeyboardInterrupt  # asked twice: at once, then
         self.received = self.received or number
         self.stop.set()
 
 
-def run(participant: Participant, clock: Clock, stop: Event) -> None:
+def run(participant: Participant, clock: Clock, stop: Event, after_tick: Callable[[], None] | None = None) -> None:
     """Run until it is done or `stop` is set; `shutdown` is called whatever happens."""
     try:
         participant.startup()
         while not participant.done and clock.wait_until(participant.next_time, stop):
             participant.tick()
+            if after_tick:
+                after_tick()
     finally:
         participant.shutdown()

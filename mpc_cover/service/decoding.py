@@ -105,7 +105,7 @@ def decode_state(payload: bytes, dimension: int) -> State:
         It is anything else.
     """
     state = _decode(State, payload)
-    _require_finite((state.time_s,))
+    _require_finite((state.time_s, state.speed))
     _require_shape((state.position, state.velocity), dimension)
     return state
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.service.decoding import Reason, RejectedError, decode_state
+from mpc_cover.service.fingerprint import mission_hash
 from mpc_cover.service.keys import Keys, agent_of
 
 if TYPE_CHECKING:
@@ -91,13 +92,14 @@ class AgentLink:
 class FleetView:
     """All agents of a mission, in the order of its arrays."""
 
-    def __init__(self, mission: Mission, transport: Transport) -> None:
+    def __init__(self, mission: Mission, transport: Transport, speed: float = 1.0) -> None:
         fleet, keys = mission.fleet, Keys(mission.spec.name)
         self.links = [AgentLink(name, float(v)) for name, v in zip(fleet.ids, fleet.speed_max, strict=True)]
         self.rejected: Counter[Reason] = Counter()
         self.reborn: list[str] = []
         self._index = {name: index for index, name in enumerate(fleet.ids)}
         self._shape = fleet.start.shape
+        self._speed, self._mission = speed, mission_hash(mission)
         self._state_period = mission.spec.control.state_period_s
         self._states = transport.inbox(keys.state(), STATE_DEPTH * fleet.size)
         self._presence = transport.presence(keys.agent_alive())
@@ -153,6 +155,10 @@ class FleetView:
         for link in self.links:
             if link.state is None or link.id not in present or link.id in late:
                 missing.append(f"{link.id} is not here")
+            elif link.state.mission != self._mission:
+                missing.append(f"{link.id} has another version of this mission")
+            elif link.state.speed != self._speed:
+                missing.append(f"{link.id} runs at --speed {link.state.speed:g}, this controller at {self._speed:g}")
             elif not link.state.at_rest:
                 missing.append(f"{link.id} still moves")
         return missing

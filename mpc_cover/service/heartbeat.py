@@ -45,6 +45,7 @@ class Heartbeat:
         keys = Keys(mission.spec.name)
         self.text = ""
         self.status: Status | None = None
+        self._transport = transport
         self._clock, self._identity, self._epoch, self._period_s = clock, identity, epoch, period_s
         self._status = transport.publisher(keys.status, bus.STATUS)
         self._map = transport.publisher(keys.map, bus.MAP)
@@ -74,6 +75,7 @@ class Heartbeat:
             deadline_misses=steps.misses,
             skipped_ticks=steps.skipped,
             rejected=fleet.rejected.total(),
+            callback_errors=self._transport.callback_errors,
             present=fleet.present(),
             text=self.text[:1000],
         )

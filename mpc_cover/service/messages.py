@@ -48,7 +48,8 @@ class State(Message, frozen=True, kw_only=True):
     """An agent's measured state at `time_s` of its own clock.
 
     `position` and `velocity` are (d,) [m], [m/s]. `plan` is the plan being flown, `next_plan` the one that
-    it will switch to; `at_rest` says that it stands still and has nothing left to fly.
+    it will switch to; `at_rest` says that it stands still and has nothing left to fly. `speed` is how many
+    seconds of its clock pass in a second, `mission` the fingerprint of the mission that it knows.
     """
 
     agent: Id
@@ -60,6 +61,8 @@ class State(Message, frozen=True, kw_only=True):
     plan: PlanRef | None = None
     next_plan: PlanRef | None = None
     at_rest: bool = False
+    speed: float = 1.0
+    mission: Id = "unknown"
 
 
 class PlanMessage(Message, frozen=True, kw_only=True):
@@ -104,6 +107,7 @@ class Status(Message, frozen=True, kw_only=True):
     deadline_misses: Count = 0
     skipped_ticks: Count = 0
     rejected: Count = 0
+    callback_errors: Count = 0
     present: list[Id] = []
     text: Text = ""
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mpc_cover.errors import UnreadableFileError
 from mpc_cover.model.sensing import covered_at
+from mpc_cover.service.flight import STANDSTILL
 from mpc_cover.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -46,9 +47,11 @@ class Motion:
         force, velocity = self.input[row], self.velocity[row]
         return self.position[row] + dt * velocity + 0.5 * dt**2 * force, velocity + dt * force
 
-    def moving(self) -> BoolArray:
-        """Return for each row whether the agent moves from there on."""
-        return np.asarray((self.velocity != 0.0).any(axis=1) | (self.input != 0.0).any(axis=1))
+    def rests_from(self) -> float:
+        """Return when the agent came to rest for good [s]; the end of its record if it never did."""
+        fast = (np.abs(self.velocity) > STANDSTILL).any(axis=1)
+        moving = np.flatnonzero(fast | (np.abs(self.input) > STANDSTILL).any(axis=1))
+        return float(self.time[min(moving[-1] + 1, len(self.time) - 1)] if moving.size else self.time[0])
 
 
 def motion_of(pieces: Sequence[Piece]) -> Motion:
@@ -105,10 +108,8 @@ def _span(motions: Sequence[Motion]) -> tuple[float, float]:
     common = max(float(motion.time[0]) for motion in motions), min(float(motion.time[-1]) for motion in motions)
     starts = [float(motion.time[np.argmax(motion.flown)]) for motion in motions if motion.flown.any()]
     first = max(common[0], min(starts, default=common[0]))
-    rests = [
-        float(motion.time[np.flatnonzero(motion.moving())[-1] + 1]) for motion in motions if motion.moving()[:-1].any()
-    ]
-    return first, min(common[1], max(rests, default=common[1]))
+    rest = max(motion.rests_from() for motion in motions)
+    return first, min(common[1], rest) if rest > first else common[1]
 
 
 def _instants(motions: Sequence[Motion], first: float, last: float) -> FloatArray:

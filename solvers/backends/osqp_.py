@@ -1,7 +1,8 @@
 """OSQP: operator splitting; low accuracy is cheap and it can be warm-started.
 
 Guarded here (osqp 1.1.3): a keyword that `update` does not know is ignored in silence (its names are Px, Ax,
-q, l, u); `update` keeps hold of the arrays it is given; infeasible problems come with a finite x (the
+q, l, u); a matrix that `update` refuses shows in what it prints only, and the next solve is then wrong;
+`update` writes into the matrices given to `setup`; infeasible problems come with a finite x (the
 bits of a NaN read as an integer, 2143289344.0); the time limit leaves out everything before `solve`, but
 counts the set-up against it. The base class keeps l > u and NaN away, which OSQP answers with the old
 bounds and with a poisoned warm start.
@@ -22,7 +23,7 @@ from solvers.backends.rows import native_csc
 from solvers.status import Status
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -50,6 +51,10 @@ NAMES = {int(member): member.name for member in osqp.SolverStatus}
 WITHOUT_X = frozenset({Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE, Status.NON_CONVEX})
 
 
+class OSQPRefusalError(RuntimeError):
+    """What OSQP printed when it refused its data, say because P is not positive semi-definite."""
+
+
 @final
 class OSQPBackend(Backend):
     """OSQP with its direct, single-threaded linear solver (QDLDL)."""
@@ -63,7 +68,7 @@ class OSQPBackend(Backend):
     def _setup(self, qp: QP, options: Options) -> None:
         begun = self._clock()
         native = osqp.OSQP(algebra="builtin")
-        with _silence(options):
+        with contextlib.nullcontext() if options.verbose else _complaints():
             native.setup(
                 native_csc(qp.P),
                 qp.q,
@@ -86,7 +91,7 @@ class OSQPBackend(Backend):
                 vectors |= {"l": qp.l, "u": qp.u}
             self._native.update(**vectors)
         if matrices := {f"{name}x": getattr(qp, name).data for name in sorted(changed & {"P", "A"})}:
-            with _silence(self._options):
+            with _complaints():
                 self._native.update(**matrices)
         self._counted_s += self._clock() - begun
         return True
@@ -110,6 +115,14 @@ class OSQPBackend(Backend):
         return RawSolution(x, y, status, int(result.info.iter), name or str(result.info.status))
 
 
-def _silence(options: Options) -> contextlib.AbstractContextManager[Any]:
-    """OSQP prints an error of a matrix through sys.stdout, verbose or not; the residuals tell us anyway."""
-    return contextlib.nullcontext() if options.verbose else contextlib.redirect_stdout(io.StringIO())
+@contextlib.contextmanager
+def _complaints() -> Iterator[None]:
+    """Raise what OSQP prints (through sys.stdout): of a refused matrix update it is the only sign."""
+    error: Exception | None = None
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        try:
+            yield
+        except osqp.OSQPException as raised:
+            error = raised
+    if error is not None or printed.getvalue():
+        raise OSQPRefusalError(printed.getvalue().strip() or repr(error)) from error

@@ -48,16 +48,16 @@ class ScriptedBackend(Backend):
         self.calls: list[str] = []
         self.limits: list[float | None] = []
 
-    def _setup(self, qp: QP, options: Options) -> None:
+    def _setup(self, _qp: QP, _options: Options) -> None:
         self.calls.append("setup")
         if self.setups and (error := self.setups.pop(0)) is not None:
             raise error
 
-    def _update(self, qp: QP, changed: frozenset[str]) -> bool:
+    def _update(self, _qp: QP, changed: frozenset[str]) -> bool:
         self.calls.append("update " + " ".join(sorted(changed)))
         return True
 
-    def _warm_start(self, x: np.ndarray, y: np.ndarray | None) -> bool:
+    def _warm_start(self, _x: np.ndarray, _y: np.ndarray | None) -> bool:
         self.calls.append("warm_start")
         return True
 

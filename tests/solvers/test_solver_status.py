@@ -13,7 +13,7 @@ from solvers.status import Status
 
 
 @pytest.mark.parametrize("kind", [Status, Outcome])
-def test_every_member_has_a_sentence_of_its_own(kind: type[Status] | type[Outcome]) -> None:
+def test_every_member_has_a_sentence_of_its_own(kind: type[Status | Outcome]) -> None:
     sentences = [member.sentence for member in kind]
     assert len(set(sentences)) == len(sentences)
     assert all(sentence[0].isupper() and sentence.endswith(".") for sentence in sentences)

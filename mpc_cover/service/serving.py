@@ -1,0 +1,191 @@
+"""The two daemons as processes: `mpc-cover serve` and `mpc-cover agent`."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Event, Thread
+from typing import TYPE_CHECKING
+
+from mpc_cover.clock import MonotonicClock
+from mpc_cover.errors import UserError
+from mpc_cover.service.daemon import Signals, run
+from mpc_cover.service.transport import open_transport
+
+if TYPE_CHECKING:
+    from mpc_cover.clock import Clock
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.bus import Transport
+    from mpc_cover.service.controller import Controller
+    from mpc_cover.service.network import NetworkOptions
+    from mpc_cover.service.state_directory import StateDirectory
+
+SHOWN_EVERY_S = 2.0
+"""How often `serve` writes a line about itself [s of the machine's clock]."""
+
+
+@dataclass(frozen=True)
+class ServeOptions:
+    """How to control: see `mpc-cover serve --help`."""
+
+    backend: str = "piqp"
+    seed: int = 0
+    speed: float = 1.0
+    state_dir: Path | None = None
+    fresh: bool = False
+    stay: bool = False
+    step_log: Path | None = None
+    with_parent: bool = False
+
+
+@dataclass(frozen=True)
+class AgentOptions:
+    """How to be an agent: see `mpc-cover agent --help`."""
+
+    speed: float = 1.0
+    record: Path | None = None
+    with_parent: bool = False
+
+
+def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> int:
+    """Control a mission until it is over or a signal comes; return the exit status.
+
+    Raises
+    ------
+    UserError
+        The network or the state directory cannot be used as asked.
+    """
+    from mpc_cover.service.state_directory import StateDirectory  # noqa: PLC0415 - only here
+
+    path = options.state_dir or Path(".mpc-cover") / mission.spec.name
+    with Signals() as signals, StateDirectory(path) as folder:
+        _follow_parent(options.with_parent, signals.stop)
+        clock = MonotonicClock(options.speed)
+        try:
+            transport = open_transport(network, clock, signals.stop)
+        except InterruptedError:
+            return signals.exit_status
+        try:
+            say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
+            controller = _controller(mission, options, folder, transport, clock)
+            run(controller, clock, signals.stop, _Narrator(controller).after_tick)
+        finally:
+            transport.close()
+        unfinished = not controller.done and not (options.stay and controller.exit_status == 0)
+        return signals.exit_status if unfinished else controller.exit_status
+
+
+def fly(mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions) -> int:
+    """Be an agent until a signal comes; return the exit status.
+
+    Raises
+    ------
+    UserError
+        The mission has no such agent, or the network cannot be used as asked.
+    """
+    from mpc_cover.service.agent import Agent  # noqa: PLC0415 - the controller needs none
+    from mpc_cover.service.recorder import FileRecorder, Header  # noqa: PLC0415 - likewise
+
+    if agent_id not in mission.fleet.ids:
+        known = ", ".join(mission.fleet.ids)
+        raise UserError(f"agent {agent_id!r}: is not in mission {mission.spec.name}: its agents are {known}")
+    instance = uuid.uuid4().hex
+    with Signals() as signals:
+        _follow_parent(options.with_parent, signals.stop)
+        clock = MonotonicClock(options.speed)
+        header = Header(agent_id, instance, mission.spec.name, options.speed)
+        recorder = FileRecorder(options.record, header, say) if options.record else None
+        try:
+            transport = open_transport(network, clock, signals.stop)
+        except InterruptedError:
+            return 0
+        try:
+            say(f"{agent_id}: agent of {mission.spec.name}, reaches {', '.join(network.connect + network.listen)}")
+            run(
+                Agent(
+                    mission,
+                    agent_id,
+                    transport,
+                    clock,
+                    instance=instance,
+                    speed=options.speed,
+                    recorder=recorder,
+                    say=say,
+                ),
+                clock,
+                signals.stop,
+            )
+        finally:
+            transport.close()
+    return 0
+
+
+def say(text: str) -> None:
+    """Write a line to stderr at once."""
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
+
+
+def _controller(
+    mission: Mission, options: ServeOptions, folder: StateDirectory, transport: Transport, clock: Clock
+) -> Controller:
+    from mpc_cover.service.brain import make_brain  # noqa: PLC0415 - heavy
+    from mpc_cover.service.checkpoint import FileJournal  # noqa: PLC0415 - only here
+    from mpc_cover.service.controller import Controller  # noqa: PLC0415 - agents need none
+    from mpc_cover.service.step_log import StepLog  # noqa: PLC0415 - likewise
+
+    journal = FileJournal(folder, mission)
+    resume, text = journal.load()
+    if options.fresh and resume:
+        resume, text = None, "starts afresh, as asked; the checkpoint is not used"
+    if text:
+        say(text)
+    return Controller(
+        mission,
+        make_brain(mission, options.backend, options.seed),
+        transport,
+        clock,
+        epoch=folder.next_epoch(),
+        identity=uuid.uuid4().hex,
+        speed=options.speed,
+        stay=options.stay,
+        journal=journal,
+        resume=resume,
+        steps=StepLog(options.step_log),
+        say=say,
+    )
+
+
+class _Narrator:
+    """Writes a line now and then."""
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self._due_s = 0.0
+
+    def after_tick(self) -> None:
+        status = self._controller.heartbeat.status
+        if status is None or time.monotonic() < self._due_s:
+            return
+        self._due_s = time.monotonic() + SHOWN_EVERY_S
+        covered = 100 * status.covered_count // status.cell_count
+        say(
+            f"{status.phase}: {status.mission_time_s:.1f} s, {covered} % covered, "
+            f"step {status.step_ms:.0f} ms, {status.deadline_misses} deadlines missed; {status.text}"
+        )
+
+
+def _follow_parent(wanted: bool, stop: Event) -> None:
+    """Stop when standard input ends: whoever holds its other end has died, even by SIGKILL."""
+
+    def watch() -> None:
+        while os.read(0, 1024):
+            pass
+        stop.set()
+
+    if wanted:
+        Thread(target=watch, daemon=True).start()

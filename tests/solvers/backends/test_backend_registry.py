@@ -1,0 +1,45 @@
+"""Back-ends by name, imported only when asked for."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from doubles import FakeClock
+
+from solvers.backends.registry import BACKENDS, UnknownBackendError, make_backend
+
+
+def test_names() -> None:
+    assert list(BACKENDS) == ["osqp", "clarabel", "piqp"]
+    assert len(BACKENDS) == 3
+    assert all(BACKENDS[name].name == name for name in BACKENDS)
+    assert [name for name in BACKENDS if BACKENDS[name].supports_cones] == ["clarabel"]
+
+
+def test_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(UnknownBackendError, match="no back-end 'gurobi'; there are osqp, clarabel, piqp"):
+        make_backend("gurobi")
+    assert "gurobi" not in BACKENDS
+    with pytest.raises(KeyError):
+        BACKENDS["gurobi"]
+
+
+def test_each_call_makes_a_new_one_with_its_clock() -> None:
+    clock = FakeClock()
+    one, two = make_backend("piqp", clock), make_backend("piqp")
+    assert one is not two
+    assert one._clock is clock
+
+
+def test_no_library_is_imported_before_it_is_asked_for() -> None:
+    script = (
+        "import sys, solvers.backends.registry as r, solvers.sqp, solvers.smooth_nlp\n"
+        "list(r.BACKENDS), 'osqp' in r.BACKENDS\n"
+        "assert not {'osqp', 'clarabel', 'piqp'} & set(sys.modules)\n"
+        "r.make_backend('piqp')\n"
+        "assert {'osqp', 'clarabel', 'piqp'} & set(sys.modules) == {'piqp'}\n"
+        "assert not any(name.split('.')[0] == 'mpc_cover' for name in sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
