@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
-import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpc_cover.errors import InvalidInputError, Problem, UnreadableFileError
+from mpc_cover.errors import InvalidInputError, Problem, UnreadableFileError, UserError
 from mpc_cover.mission.load import Mission, mission_from_json
 
 if TYPE_CHECKING:
@@ -47,11 +48,18 @@ class Trajectory:
 def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
     """Write the `.npz`; `meta` is a JSON string that holds the whole mission under "mission".
 
-    The same trajectory gives the same bytes: nothing of the wall clock goes in.
+    The same trajectory gives the same bytes: nothing of the wall clock goes in. The file appears whole or
+    not at all.
+
+    Raises
+    ------
+    UserError
+        The file cannot be written.
     """
     meta = {**trajectory.meta, "mission": json.loads(trajectory.mission.to_json())}
+    content = io.BytesIO()
     np.savez_compressed(
-        Path(path),
+        content,
         time=trajectory.time,
         position=trajectory.position,
         velocity=trajectory.velocity,
@@ -59,10 +67,20 @@ def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
         cell=trajectory.cell,
         covered_at=trajectory.covered_at,
         agent_id=np.array(trajectory.agent_id, dtype=str),
-        meta=np.array(json.dumps(meta, sort_keys=True)),
+        meta=np.array(json.dumps(meta, sort_keys=True, allow_nan=False)),
     )
+    file = Path(path)
+    part = file.with_name(f"{file.name}.part")
+    try:
+        part.write_bytes(content.getbuffer())
+        part.replace(file)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            part.unlink()
+        raise UserError(f"trajectory {path}: cannot be written: {error.strerror or error}") from None
 
 
+_ZIP = b"PK"
 _FLOATS = ("time", "position", "velocity", "input", "cell", "covered_at")
 
 
@@ -78,13 +96,18 @@ def load_trajectory(path: str | Path) -> Trajectory:
     """
     what = f"trajectory {path}"
     try:
-        with np.load(Path(path), allow_pickle=False) as archive:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise UnreadableFileError(f"{what}: cannot be read: {error.strerror or error}") from None
+    if not content.startswith(_ZIP):
+        raise UnreadableFileError(f"{what}: cannot be read: it is not an archive of arrays (.npz)")
+    try:
+        # the archive is in memory, so that a torn one leaves no file open
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             data = {name: archive[name] for name in (*_FLOATS, "agent_id", "meta") if name in archive.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, AttributeError, NotImplementedError) as error:
-        detail = error.strerror if isinstance(error, OSError) and error.strerror else str(error) or "truncated"
-        raise UnreadableFileError(f"{what}: cannot be read: {' '.join(detail.split())}") from None
-    except Exception as error:  # noqa: BLE001 - zlib.error and whatever else a torn archive raises
-        raise UnreadableFileError(f"{what}: cannot be read: {error}") from None
+    except Exception as error:  # noqa: BLE001 - zipfile, zlib and numpy raise a dozen kinds on a torn archive
+        detail = " ".join(str(error).split()) or "truncated"
+        raise UnreadableFileError(f"{what}: cannot be read: {detail}") from None
     if missing := [name for name in (*_FLOATS, "agent_id", "meta") if name not in data]:
         raise UnreadableFileError(f"{what}: is not a trajectory file: lacks {', '.join(missing)}")
     return _from_arrays(data, what)
@@ -102,14 +125,13 @@ def _from_arrays(data: dict[str, Any], what: str) -> Trajectory:
     try:
         meta = json.loads(str(data["meta"]))
         mission_raw = json.dumps(meta.pop("mission"))
-    except (ValueError, KeyError, AttributeError, TypeError):
+    except (ValueError, KeyError, AttributeError, TypeError, RecursionError):
         raise UnreadableFileError(f"{what}: meta is not a JSON object with a mission") from None
     mission = mission_from_json(mission_raw, f"{what}: meta.mission")
     problems = [*_shape_problems(arrays, data, mission), *_value_problems(arrays)]
     if problems:
         raise InvalidInputError(what, problems)
-    agent_id = tuple(str(name) for name in data["agent_id"])
-    return Trajectory(**arrays, agent_id=agent_id, mission=mission, meta=meta)
+    return Trajectory(**arrays, agent_id=mission.fleet.ids, mission=mission, meta=meta)
 
 
 def _shape_problems(arrays: dict[str, FloatArray], data: dict[str, Any], mission: Mission) -> list[Problem]:
@@ -147,7 +169,8 @@ def _value_problems(arrays: dict[str, FloatArray]) -> list[Problem]:
     if (bad := np.isnan(covered_at) | (covered_at == -np.inf)).any():
         index = int(np.argmax(bad))
         problems.append(Problem(f"covered_at[{index}]", float(covered_at[index]), "must be a time, or inf where never"))
-    if arrays["time"].ndim == 1 and not (step := np.diff(arrays["time"]) > 0).all():
+    time = arrays["time"]
+    if time.ndim == 1 and np.isfinite(time).all() and not (step := np.diff(time) > 0).all():
         index = int(np.argmin(step)) + 1
-        problems.append(Problem(f"time[{index}]", float(arrays["time"][index]), "must be greater than the one before"))
+        problems.append(Problem(f"time[{index}]", float(time[index]), "must be greater than the one before"))
     return problems

@@ -45,7 +45,12 @@ def damped_bfgs(
 
 
 def nearest_positive(H: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return H: (n, n) with its eigenvalues raised to a small positive number where they are below it."""
+    """Return H: (n, n) with its eigenvalues raised to a small positive number where they are below it.
+
+    What is not finite is returned as it is: the check of the subproblem's data then names it.
+    """
+    if not np.isfinite(H).all():
+        return H
     values, vectors = np.linalg.eigh(0.5 * (H + H.T))
     floor = SMALLEST_EIGENVALUE * max(1.0, float(np.abs(values).max()))
     raised = np.maximum(values, floor)

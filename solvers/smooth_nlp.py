@@ -195,7 +195,7 @@ class SmoothNLP:
         h, g = self._constraints(x_new)
         violated = g > 0.0
         residual = np.concatenate((h, g[violated]))
-        if not residual.size:
+        if not residual.size or not np.isfinite(residual).all():
             return x_new
         further = np.linalg.lstsq(np.vstack((at.Jh, at.Jg[violated])), -residual, rcond=None)[0]
         result: NDArray[np.float64] = np.clip(x_new + further, self._lower, self._upper)

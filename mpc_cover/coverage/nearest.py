@@ -90,8 +90,6 @@ def _smallest(values: FloatArray, count: int) -> IntArray:
     return np.argpartition(values, count - 1, axis=1)[:, :count]
 
 
-def _pad(values: FloatArray | IntArray, count: int, filler: float) -> FloatArray | IntArray:
+def _pad(values: FloatArray | IntArray, count: int, filler: float) -> FloatArray:
     missing = count - values.shape[1]
-    if missing == 0:
-        return values
-    return np.pad(values, ((0, 0), (0, missing)), constant_values=filler)
+    return np.pad(values.astype(float), ((0, 0), (0, missing)), constant_values=filler)

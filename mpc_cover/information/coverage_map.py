@@ -47,7 +47,7 @@ class CoverageMap:
     @property
     def fraction(self) -> float:
         """Covered part of the cells, 0 to 1; exactly 1 only when nothing is owed."""
-        return self.covered_count / self._cell.shape[0]
+        return self.covered_count / int(self._cell.shape[0])
 
     @property
     def complete(self) -> bool:

@@ -100,7 +100,7 @@ def mission_from_json(text: str, what: str) -> Mission:
 
     try:
         raw = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise UnreadableFileError(f"{what}: holds no readable mission: {error}") from None
     return build_mission(raw, what)
 

@@ -9,14 +9,14 @@ import numpy as np
 
 from mpc_cover.errors import UserError
 from mpc_cover.planning.continuation import judge, refine
-from mpc_cover.planning.planner import Task, plan_whole
-from mpc_cover.planning.window import Window
+from mpc_cover.planning.planner import Task, plan_for, plan_whole
 from solvers.backends.registry import UnknownBackendError, make_backend
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.planning.continuation import Refined
     from mpc_cover.planning.planner import Candidate
+    from mpc_cover.planning.window import Window
 
 _FLIGHT_SHARPNESS = 40.0
 """In flight the minimum is as good as hard: what is planned is nearly what is flown."""
@@ -44,6 +44,10 @@ class Engine:
     def quick(self, task: Task, deadline: float | None) -> Candidate:
         """Plan everything that is owed from one start, refined once if there is time."""
         return plan_whole(task, self._backend, attempts=1, starts=1, deadline=deadline)
+
+    def fixed(self, task: Task, steps: int, deadline: float | None) -> Candidate:
+        """Plan exactly `steps` samples from several starts."""
+        return plan_for(task, self._backend, steps, starts=4, deadline=deadline)
 
     def polish(self, window: Window, x: FloatArray, iterations: int, deadline: float | None) -> Refined:
         """Improve a motion that is already good by a few QPs."""

@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.mission.fleet import Fleet
 
 _CRUISE = 0.97
@@ -55,7 +55,7 @@ def follow(
     count = fleet.size
     speed, force = _CRUISE * fleet.speed_max, _CRUISE * fleet.input_max
     capture = 0.5 * speed**2 / force
-    ends = np.array([len(path) - 1 for path in paths])
+    ends = np.array([len(path) - 1 for path in paths], dtype=np.intp)
     target_of = np.full((count, int(ends.max()) + 1, position.shape[1]), np.nan)
     for i, path in enumerate(paths):
         target_of[i, : len(path)] = path
@@ -86,10 +86,8 @@ def follow(
     return motion if steps is not None else _stop(motion, force, period)
 
 
-def _arrived(
-    index: FloatArray, ends: FloatArray, distance: FloatArray, v: FloatArray, fleet: Fleet, period: float
-) -> bool:
-    close = distance < 0.2 * fleet.speed_max * period + 0.05  # noqa: PLR2004 - metres, finer than any cell
+def _arrived(index: IntArray, ends: IntArray, distance: FloatArray, v: FloatArray, fleet: Fleet, period: float) -> bool:
+    close = distance < 0.2 * fleet.speed_max * period + 0.05
     slow = np.linalg.norm(v, axis=1) < fleet.input_max * period
     return bool(((index == ends) & close & slow).all())
 
@@ -98,7 +96,7 @@ def _control(
     error: FloatArray,
     distance: FloatArray,
     v: FloatArray,
-    last: FloatArray,
+    last: BoolArray,
     speed: FloatArray,
     force: FloatArray,
     period: float,

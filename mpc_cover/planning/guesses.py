@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.planning.lanes import Lane
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +103,7 @@ def _lane_radius(fleet: Fleet, team: IntArray) -> FloatArray:
     return np.asarray(np.where(np.isfinite(radius), radius, np.inf).min(axis=1))
 
 
-def _even_lanes(cell: FloatArray, radius: float, axis: int, agents: int) -> list:
+def _even_lanes(cell: FloatArray, radius: float, axis: int, agents: int) -> list[Lane]:
     """Return lanes whose number is a multiple of the agents, where that costs no more blocks."""
     lanes = cut_lanes(cell, radius, axis)
     blocks = -(-len(lanes) // agents)

@@ -36,8 +36,9 @@ def cut_lanes(cell: FloatArray, radius: float, axis: int, count: int | None = No
     """
     others = [a for a in range(cell.shape[1]) if a != axis]
     groups = [cell]
+    wanted = count if len(others) == 1 else None
     for other in reversed(others):
-        groups = [part for group in groups for part in _bands(group, radius, other, count if len(others) == 1 else None)]
+        groups = [part for group in groups for part in _bands(group, radius, other, wanted)]
     return [_lane(group, radius, axis, others) for group in groups]
 
 

@@ -54,9 +54,7 @@ class Task:
     def window(self, steps: int) -> Window:
         """Return the stretch of `steps` samples that ends at rest, anywhere."""
         rest = np.zeros_like(self.velocity)
-        return Window(
-            self.fleet, self.cell, self.weight, self.position, self.velocity, steps, self.period, None, rest
-        )
+        return Window(self.fleet, self.cell, self.weight, self.position, self.velocity, steps, self.period, None, rest)
 
     def plan(self, window: Window, x: FloatArray) -> Plan:
         """Return the plan of a decision vector."""
@@ -141,9 +139,7 @@ def _owed_after(task: Task, plan: Plan) -> FloatArray:
     return weight
 
 
-def plan_for(
-    task: Task, backend: Backend, steps: int, *, starts: int = 3, deadline: float | None = None
-) -> Candidate:
+def plan_for(task: Task, backend: Backend, steps: int, *, starts: int = 3, deadline: float | None = None) -> Candidate:
     """Return the best plan of exactly `steps` samples from several starts; anytime."""
     window = task.window(steps)
     flights = [(guess, _fly(task, guess, steps)) for guess in _guesses(task)]

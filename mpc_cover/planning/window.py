@@ -9,11 +9,11 @@ import numpy as np
 
 from mpc_cover.constraints.graph import bottleneck, minimum_spanning_trees
 from mpc_cover.constraints.pairs import pair_distances
-from mpc_cover.coverage.majoriser import Softness
 from mpc_cover.model.motion import roll_out
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
+    from mpc_cover.coverage.majoriser import Softness
     from mpc_cover.mission.fleet import Fleet
 
 

@@ -7,14 +7,14 @@ native solvers is dealt with here, once. The life of a back-end: `setup` once, t
 
 from __future__ import annotations
 
-import math
 import time
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 import numpy as np
 
+from solvers.backends.judgement import JUDGED, RawSolution, judge
 from solvers.backends.options import Options
 from solvers.checks import (
     InvalidQPError,
@@ -34,36 +34,11 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-JUDGED = frozenset(
-    {
-        Status.SOLVED,
-        Status.INACCURATE,
-        Status.MAX_ITERATIONS,
-        Status.TIME_LIMIT,
-        Status.NUMERICAL_ERROR,
-        Status.UNKNOWN,
-    }
-)
-"""Native outcomes that good residuals overrule; a proof of infeasibility is not among them."""
-
-
 __all__ = ["Backend", "BackendStateError", "Options", "RawSolution"]
 
 
 class BackendStateError(RuntimeError):
     """`update`, `warm_start` or `solve` before `setup`."""
-
-
-@dataclass(frozen=True)
-class RawSolution:
-    """What the native solver said, translated but not judged."""
-
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    status: Status
-    iterations: int
-    detail: str
-    cone_dual: NDArray[np.float64] | None = None
 
 
 class Backend(ABC):
@@ -248,15 +223,7 @@ class Backend(ABC):
     def _judge(self, qp: QP, raw: RawSolution, setup_time_s: float, solve_time_s: float) -> QPSolution:
         """Decide the status by the residuals on the current data."""
         residuals = kkt_residuals(qp, raw.x, raw.y, raw.cone_dual)
-        finite = math.isfinite(residuals.primal_scale) and bool(np.isfinite(raw.x).all() and np.isfinite(raw.y).all())
-        status = raw.status
-        if status in JUDGED:
-            if not finite:
-                status = Status.NUMERICAL_ERROR
-            elif residuals.within(self._options.acceptance):
-                status = Status.SOLVED
-            elif status is Status.SOLVED:
-                status = Status.INACCURATE
+        status = judge(raw, residuals, self._options.acceptance)
         if status in {Status.NUMERICAL_ERROR, Status.NON_CONVEX}:
             self._forget()
         elif status in JUDGED:

@@ -1,0 +1,83 @@
+"""Cutting stretches out of the mission plan, splicing them in, and ending them at rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.control.fallback import brake, plan_from_velocities
+from mpc_cover.planning.window import Window
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.planning.plan import Plan
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """The state that a plan starts from: (m, d) position [m] and velocity [m/s] at a mission time [s]."""
+
+    position: FloatArray
+    velocity: FloatArray
+    time: float
+
+    def plan(self, later: FloatArray, period: float) -> Plan:
+        """Return the plan with velocities `later` (N, m, d) [m/s] at samples 1 to N."""
+        return plan_from_velocities(self.position, self.velocity, later, self.time, period)
+
+
+def stretch_steps(whole: Plan, mission: Mission) -> int:
+    """Return how many samples of the mission plan the horizon re-solves; what is left of it is for braking."""
+    horizon, fleet = mission.spec.control.horizon_steps, mission.fleet
+    if whole.steps <= horizon:
+        return whole.steps
+    slowest = float((fleet.speed_max / fleet.input_max).max())
+    return max(1, horizon - int(np.ceil(slowest / whole.period - 1e-9)))
+
+
+def stretch_window(whole: Plan, mission: Mission, weight: FloatArray, stretch: int, steps: int) -> Window:
+    """Return the window that replaces the first `stretch` samples of the mission plan by `steps` ones.
+
+    It must end where the rest of the mission plan goes on, unless there is no rest. `weight` (J, K) is what
+    the stretch has to cover.
+    """
+    last = stretch == whole.steps
+    return Window(
+        fleet=mission.fleet,
+        cell=mission.field.cell,
+        weight=weight,
+        position=whole.position[0],
+        velocity=whole.velocity[0],
+        steps=steps,
+        period=whole.period,
+        end_position=None if last else whole.position[stretch],
+        end_velocity=whole.velocity[stretch],
+    )
+
+
+def spliced(whole: Plan, x: FloatArray, stretch: int, steps: int) -> Plan:
+    """Return the mission plan with its first `stretch` samples replaced by the `steps` velocities in `x`."""
+    first = x.reshape(steps, *whole.velocity.shape[1:])
+    later = np.concatenate([first, whole.velocity[stretch + 1 :]])
+    return plan_from_velocities(whole.position[0], whole.velocity[0], later, whole.start_time, whole.period)
+
+
+def ended_at_rest(whole: Plan, mission: Mission) -> Iterator[Plan]:
+    """Yield beginnings of the mission plan that end at rest within the horizon, the longest first."""
+    horizon = mission.spec.control.horizon_steps
+    start, later = Start(whole.position[0], whole.velocity[0], whole.start_time), whole.velocity[1:]
+    if whole.steps <= horizon:
+        rest = np.zeros((horizon - whole.steps, *later.shape[1:]))
+        yield start.plan(np.concatenate([later, rest]), whole.period)
+        return
+    for kept in range(stretch_steps(whole, mission), 0, -1):
+        braking = brake(later[kept - 1], mission.fleet, whole.period)
+        room = horizon - kept - braking.shape[0]
+        if room >= 0:
+            rest = np.zeros((room, *later.shape[1:]))
+            yield start.plan(np.concatenate([later[:kept], braking, rest]), whole.period)

@@ -1,0 +1,161 @@
+"""The same subproblem once more in CVXPY, in the open: the reference formulation.
+
+Tests hold the hand-assembled QP against it. A researcher can append terms to `terms` or constraints to
+`constraints` and solve with any CVXPY solver. It canonicalises, so no control loop ever calls it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+
+from mpc_cover.constraints.collision import collision_rows
+from mpc_cover.constraints.connectivity import connectivity_rows
+from mpc_cover.constraints.facets import inscribed, turned_normals
+from mpc_cover.constraints.pairs import all_pairs, pair_distances
+from mpc_cover.constraints.rows import Layout
+from mpc_cover.coverage.majoriser import build_majoriser
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.constraints.rows import Rows
+    from mpc_cover.planning.window import Requirements, Settings, Window
+
+
+@dataclass(eq=False)
+class Reference:
+    """The subproblem around an iterate, as CVXPY expressions.
+
+    Attributes
+    ----------
+    position, velocity, force : lists over samples of (m, d) expressions [m], [m/s], [m/s^2].
+    terms : convex terms of the objective; their sum is minimised.
+    constraints : CVXPY constraints.
+    """
+
+    position: list[Any]
+    velocity: list[Any]
+    force: list[Any]
+    terms: list[Any]
+    constraints: list[Any]
+
+    def problem(self) -> Any:
+        """Return the problem as it stands, appended terms and constraints included."""
+        return cp.Problem(cp.Minimize(sum(self.terms)), self.constraints)
+
+    def solve(self, solver: str = "CLARABEL", **options: Any) -> float:
+        """Solve and return the optimal value."""
+        return float(self.problem().solve(solver=solver, **options))
+
+
+def build_reference(
+    window: Window, settings: Settings, required: Requirements, x: FloatArray, radius: float
+) -> Reference:
+    """Write down the convex subproblem around the decision vector `x`; arguments as in `build_subproblem`."""
+    bar_q, bar_v = window.motion(x)
+    shape = window.position.shape
+    force = [cp.Variable(shape) for _ in range(window.steps)]
+    position, velocity = [cp.Constant(window.position)], [cp.Constant(window.velocity)]
+    step = window.period
+    constraints: list[Any] = []
+    for u in force:
+        q, v = cp.Variable(shape), cp.Variable(shape)
+        constraints += [q == position[-1] + step * velocity[-1] + 0.5 * step**2 * u, v == velocity[-1] + step * u]
+        position.append(q)
+        velocity.append(v)
+    found = Reference(position, velocity, force, [], constraints)
+    _add_limits(found, window, settings, bar_v)
+    _add_bounds(found, window, bar_q, radius)
+    _add_coverage(found, window, settings, bar_q, radius)
+    _add_pairs(found, window, settings, required, (bar_q, bar_v), radius)
+    for bar, now in ((bar_q, position), (bar_v, velocity)):
+        change = cp.vstack([now[n] - bar[n] for n in range(1, window.steps + 1)])
+        found.terms.append(0.5 * settings.proximal * cp.sum_squares(change))
+    return found
+
+
+def _add_limits(found: Reference, window: Window, settings: Settings, bar_v: FloatArray) -> None:
+    """Add polytopes inside the discs of speed and input (4.13, 4.14)."""
+    facets = inscribed(window.position.shape[1], settings.sides)
+    share = (1.0 - settings.margins.limits - settings.margins.solver) * facets.shrink
+    for n, u in enumerate(found.force):
+        speed = turned_normals(facets, bar_v[n + 1])
+        force = turned_normals(facets, bar_v[n + 1] - bar_v[n])
+        for i in range(window.fleet.size):
+            found.constraints += [
+                cp.abs(speed[i] @ found.velocity[n + 1][i]) <= share * window.fleet.speed_max[i],
+                cp.abs(force[i] @ u[i]) <= share * window.fleet.input_max[i],
+            ]
+
+
+def _add_bounds(found: Reference, window: Window, bar_q: FloatArray, radius: float) -> None:
+    """Add the motion box (4.15, 4.16), the trust region and the end (4.17)."""
+    fleet = window.fleet
+    for n in range(1, window.steps + 1):
+        if n == window.steps and window.end_position is not None:
+            found.constraints.append(found.position[n] == window.end_position)
+            continue
+        lower = np.maximum(bar_q[n] - radius, np.minimum(fleet.motion_min, bar_q[n]))
+        upper = np.minimum(bar_q[n] + radius, np.maximum(fleet.motion_max, bar_q[n]))
+        found.constraints += [found.position[n] >= lower, found.position[n] <= upper]
+    found.constraints.append(found.velocity[window.steps] == window.end_velocity)
+
+
+def _add_coverage(found: Reference, window: Window, settings: Settings, bar_q: FloatArray, radius: float) -> None:
+    """Add sum gamma pos(level + sum slope . (q - qbar)), and the curvature of the terms above zero."""
+    majoriser = build_majoriser(bar_q, window.cell, window.fleet.radius, window.weight, settings.softness)
+    agents, dimension = window.position.shape
+    reach = radius * np.sqrt(dimension)
+    moved = cp.vec(cp.vstack([found.position[n] - bar_q[n] for n in range(window.steps + 1)]), order="C")
+    terms, count = majoriser.sample.shape
+    row = np.repeat(np.arange(terms), count * dimension)
+    column = (majoriser.sample[:, :, None] * dimension + np.arange(dimension)).ravel()
+    slope = sp.csr_array((majoriser.slope.ravel(), (row, column)), shape=(terms, moved.size))
+    far = np.flatnonzero(majoriser.level > reach)
+    near = np.flatnonzero(np.abs(majoriser.level) <= reach)
+    if far.size:
+        found.terms.append(majoriser.weight[far] @ (majoriser.level[far] + slope[far] @ moved))
+    if near.size:
+        found.terms.append(majoriser.weight[near] @ cp.pos(majoriser.level[near] + slope[near] @ moved))
+    blocks = majoriser.curvature(majoriser.level > 0.0, (window.steps + 1) * agents)
+    blocks[:agents] = 0.0  # sample 0 is given
+    found.terms.append(0.5 * cp.quad_form(moved, cp.psd_wrap(sp.block_diag(list(blocks), format="csc"))))
+
+
+def _add_pairs(
+    found: Reference,
+    window: Window,
+    settings: Settings,
+    required: Requirements,
+    motion: tuple[FloatArray, FloatArray],
+    radius: float,
+) -> None:
+    """Add separation and connectivity with elastic half-spaces (4.18, 4.20)."""
+    fleet, layout = window.fleet, Layout(window.steps, *window.position.shape)
+    if fleet.size == 1:
+        return
+    pairs = pair_distances(*motion, window.period)
+    first, second = all_pairs(fleet.size)
+    between = (fleet.input_max[first] + fleet.input_max[second]) * window.period**2 / 8.0
+    reach = 2.0 * radius * float(np.sqrt(layout.dimension))
+    if fleet.separation_min > 0.0:
+        _add_elastic(found, collision_rows(layout, pairs, required.separation, between, reach), settings.penalty)
+    if np.isfinite(fleet.communication_range):
+        facets = inscribed(layout.dimension, settings.edge_sides)
+        rows = connectivity_rows(layout, pairs, required.range, 0.5 * float(between.max()), reach, facets)
+        _add_elastic(found, rows, settings.penalty)
+
+
+def _add_elastic(found: Reference, rows: Rows, penalty: float) -> None:
+    """Charge each group of rows that shares a slack for the largest excess among them."""
+    if rows.count == 0 or rows.elastic is None:
+        return
+    stacked = cp.hstack([cp.vec(q, order="C") for q in found.position[1:]])
+    normal = sp.csr_array((rows.value, (rows.row, rows.column)), shape=(rows.count, stacked.size))
+    slack = cp.Variable(rows.slacks, nonneg=True)
+    found.constraints.append(normal @ stacked - slack[rows.elastic] <= rows.upper)
+    found.terms.append(penalty * cp.sum(slack))

@@ -1,0 +1,242 @@
+"""The state of one run of `solvers.sqp.solve`, and one iteration of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solvers.nlp import CorrectsSteps, LearnsFromSteps, Measure, RaisesPenalty
+from solvers.outcome import Iterate, Outcome, Result
+from solvers.qp import InvalidQPError
+from solvers.sqp_options import Options
+from solvers.status import Status
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from solvers.backends.base import Backend
+    from solvers.nlp import Convexifiable, ConvexModel
+    from solvers.qp import QPSolution
+
+USABLE = frozenset({Status.SOLVED, Status.INACCURATE, Status.MAX_ITERATIONS})
+"""Outcomes of a subproblem whose x is worth measuring: the merit, not the QP, judges the step."""
+
+
+@dataclass(frozen=True)
+class _Point:
+    x: NDArray[np.float64]
+    measure: Measure
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """What a subproblem proposes: a point, and the decrease of the merit that its model promises."""
+
+    point: _Point
+    predicted: float
+    step: float
+    weight: float
+    multipliers: NDArray[np.float64]
+
+
+class Iteration:
+    """The state of one run of `solve`."""
+
+    def __init__(
+        self,
+        problem: Convexifiable,
+        x0: NDArray[np.float64],
+        backend: Backend,
+        options: Options,
+        clock: Callable[[], float],
+        deadline: float | None,
+    ) -> None:
+        self._problem, self._backend, self._options = problem, backend, options
+        self._clock, self._deadline = clock, deadline
+        self._begun = clock()
+        self._point = self._best = self._measured(x0)
+        self._region = options.region
+        self._history: list[Iterate] = []
+        self._last: QPSolution | None = None
+        self._failures = 0
+        self._detail = ""
+
+    def run(self) -> Result:
+        """Iterate until something ends it."""
+        outcome = None if math.isfinite(self._point.measure.merit(1.0)) else Outcome.INVALID_START
+        while outcome is None:
+            if len(self._history) >= self._options.max_iterations:
+                outcome = Outcome.MAX_ITERATIONS
+            elif self._deadline is not None and self._clock() >= self._deadline:
+                outcome = Outcome.DEADLINE
+            else:
+                outcome = self._iterate()
+        best, last = self._best, self._last
+        return Result(
+            best.x,
+            best.measure.objective,
+            best.measure.violation,
+            outcome,
+            len(self._history),
+            tuple(self._history),
+            last.y if last else None,
+            last.residuals if last else None,
+            self._detail,
+        )
+
+    def _iterate(self) -> Outcome | None:
+        """Solve one subproblem and move, or not; return why to end, or None."""
+        begun, radius = self._clock(), self._region.radius
+        model = self._problem.convexify(self._point.x, radius)
+        try:
+            solution = self._solve(model)
+        except InvalidQPError as error:
+            self._detail = str(error)
+            return Outcome.SUBPROBLEM_FAILED
+        self._last = solution
+        qp_time_s = self._clock() - begun
+        candidate = self._candidate(model, solution)
+        if candidate is None:
+            outcome, accepted, step, predicted = self._failed(solution), False, 0.0, 0.0
+        else:
+            self._failures, self._detail = 0, ""
+            outcome, accepted = self._judge(candidate)
+            step, predicted = candidate.step, candidate.predicted
+        measure = self._point.measure
+        self._history.append(
+            Iterate(
+                measure.objective,
+                measure.violation,
+                radius,
+                step,
+                accepted,
+                predicted,
+                solution.status,
+                solution.iterations,
+                qp_time_s,
+                self._clock() - self._begun,
+            )
+        )
+        return outcome
+
+    def _solve(self, model: ConvexModel) -> QPSolution:
+        begun = self._clock()
+        fresh = self._backend.load(model.qp, self._options.qp)
+        if model.start is not None:
+            self._backend.warm_start(model.start)
+        if self._deadline is None:
+            return self._backend.solve()
+        # after a set-up the back-end counts from its beginning
+        return self._backend.solve(self._deadline - (begun if fresh else self._clock()))
+
+    def _candidate(self, model: ConvexModel, solution: QPSolution) -> _Candidate | None:
+        """Return what the subproblem proposes, or None if it failed."""
+        if solution.status not in USABLE:
+            return None
+        predicted = model.predicted(solution.x)
+        # an unsolved subproblem that promises nothing proves nothing
+        if not math.isfinite(predicted) or (self._negligible(predicted) and not solution.ok):
+            return None
+        point = self._measured(model.recover(solution.x))
+        step = float(np.abs(point.x - self._point.x).max())
+        return _Candidate(point, predicted, step, model.weight, solution.y)
+
+    def _failed(self, solution: QPSolution) -> Outcome | None:
+        """Give up, or change the region in the direction that may help."""
+        self._detail = f"{solution.status.sentence} ({solution.detail})"
+        if solution.status is Status.TIME_LIMIT:
+            return Outcome.DEADLINE
+        if solution.status is Status.INTERRUPTED:
+            return Outcome.INTERRUPTED
+        self._failures += 1
+        if self._failures >= self._options.failures:
+            return Outcome.SUBPROBLEM_FAILED
+        region = self._region
+        factor = region.grow if solution.status is Status.PRIMAL_INFEASIBLE else region.shrink
+        self._region = region.resized(factor * region.radius)
+        return None
+
+    def _judge(self, candidate: _Candidate) -> tuple[Outcome | None, bool]:
+        """Move to the candidate or somewhere on the way; return why to end, or None, and whether it moved."""
+        if self._negligible(candidate.predicted):
+            return self._settled(candidate, Outcome.CONVERGED)
+        if candidate.step <= self._options.smallest_step:
+            return self._settled(candidate, Outcome.SMALL_STEP)
+        if self._moved(candidate):
+            return None, True
+        self._region = self._region.rejected(candidate.step)
+        return (Outcome.STALLED if self._region.exhausted else None), False
+
+    def _negligible(self, predicted: float) -> bool:
+        """Whether even a step of the first radius could not decrease the merit by what matters.
+
+        The decrease of a convex model is concave in the radius, so that of the first radius is at most
+        that of the present one times their ratio.
+        """
+        share = min(1.0, self._region.radius / self._options.region.radius)
+        return predicted <= self._options.optimality * max(1.0, abs(self._point.measure.objective)) * share
+
+    def _settled(self, candidate: _Candidate, outcome: Outcome) -> tuple[Outcome | None, bool]:
+        """End at a stationary point of the merit, unless it is infeasible and the penalty can be raised."""
+        moved = self._decrease(candidate.point, candidate.weight) > 0.0
+        if moved:
+            self._take(candidate.point, candidate)
+        if self._point.measure.violation <= self._options.feasibility:
+            return outcome, moved
+        if isinstance(self._problem, RaisesPenalty) and self._problem.raise_penalty():
+            self._region = self._options.region
+            return None, moved
+        return Outcome.INFEASIBLE, moved
+
+    def _moved(self, candidate: _Candidate) -> bool:
+        """Take the full step, the corrected one or a shorter one, whichever first decreases the merit."""
+        predicted, weight = candidate.predicted, candidate.weight
+        enough = self._options.sufficient * predicted
+        full, x = candidate.point, self._point.x
+        for point in self._full_steps(full):
+            if (decrease := self._decrease(point, weight)) >= enough:
+                self._region = self._region.accepted(decrease / predicted, candidate.step)
+                self._take(point, candidate)
+                return True
+        found = self._options.line_search.search(
+            lambda length: self._measured(x + length * (full.x - x)),
+            lambda point: self._decrease(point, weight),
+            predicted,
+        )
+        if found is None:
+            return False
+        length, point = found
+        self._region = self._region.resized(length * candidate.step)
+        self._take(point, candidate)
+        return True
+
+    def _full_steps(self, full: _Point) -> Iterator[_Point]:
+        """Yield the full step, then the corrected one where the problem offers it."""
+        yield full
+        if isinstance(self._problem, CorrectsSteps):
+            yield self._measured(self._problem.corrected(self._point.x, full.x))
+
+    def _take(self, point: _Point, candidate: _Candidate) -> None:
+        """Make this the current point, and the best one if it is."""
+        if isinstance(self._problem, LearnsFromSteps):
+            self._problem.accepted(self._point.x, point.x, candidate.multipliers)
+        self._point = point
+        new, old = point.measure, self._best.measure
+        limit = self._options.feasibility
+        if max(new.violation, old.violation) <= limit:
+            better = new.objective < old.objective
+        else:
+            better = new.violation < old.violation
+        if better:
+            self._best = point
+
+    def _decrease(self, point: _Point, weight: float) -> float:
+        return self._point.measure.merit(weight) - point.measure.merit(weight)
+
+    def _measured(self, x: NDArray[np.float64]) -> _Point:
+        return _Point(x, self._problem.measure(x))
