@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,12 @@ class UserError(Exception):
     """A mistake that the user can mend; the message names what, where and what would be right."""
 
 
+_SHORT = reprlib.Repr()
+"""Shows a line of a value, even of one that nested YAML aliases blow up to gigabytes."""
+_SHORT.maxlevel = 4
+_SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 80
+
+
 @dataclass(frozen=True)
 class Problem:
     """One mistake in an input: where it is, what was found, what would be right."""
@@ -22,7 +29,7 @@ class Problem:
     right: str
 
     def __str__(self) -> str:
-        shown = repr(self.value)
+        shown = _SHORT.repr(self.value)
         if len(shown) > 80:  # noqa: PLR2004 - a line of a terminal
             shown = shown[:77] + "..."
         return f"{self.path}: {shown}: {self.right}"

@@ -69,11 +69,10 @@ def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
         agent_id=np.array(trajectory.agent_id, dtype=str),
         meta=np.array(json.dumps(meta, sort_keys=True, allow_nan=False)),
     )
-    file = Path(path)
-    part = file.with_name(f"{file.name}.part")
+    part = Path(f"{path}.part")
     try:
         part.write_bytes(content.getbuffer())
-        part.replace(file)
+        part.replace(path)
     except OSError as error:
         with contextlib.suppress(OSError):
             part.unlink()
@@ -97,8 +96,8 @@ def load_trajectory(path: str | Path) -> Trajectory:
     what = f"trajectory {path}"
     try:
         content = Path(path).read_bytes()
-    except OSError as error:
-        raise UnreadableFileError(f"{what}: cannot be read: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:  # a ValueError for a name with a NUL
+        raise UnreadableFileError(f"{what}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if not content.startswith(_ZIP):
         raise UnreadableFileError(f"{what}: cannot be read: it is not an archive of arrays (.npz)")
     try:

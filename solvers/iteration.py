@@ -11,7 +11,6 @@ import numpy as np
 from solvers.nlp import CorrectsSteps, LearnsFromSteps, Measure, RaisesPenalty
 from solvers.outcome import Iterate, Outcome, Result
 from solvers.qp import InvalidQPError
-from solvers.sqp_options import Options
 from solvers.status import Status
 
 if TYPE_CHECKING:
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from solvers.backends.base import Backend
     from solvers.nlp import Convexifiable, ConvexModel
     from solvers.qp import QPSolution
+    from solvers.sqp_options import Options
 
 USABLE = frozenset({Status.SOLVED, Status.INACCURATE, Status.MAX_ITERATIONS})
 """Outcomes of a subproblem whose x is worth measuring: the merit, not the QP, judges the step."""
@@ -211,7 +211,8 @@ class Iteration:
         if found is None:
             return False
         length, point = found
-        self._region = self._region.resized(length * candidate.step)
+        # never larger: the step may also count components that the radius does not bound
+        self._region = self._region.resized(min(self._region.radius, length * candidate.step))
         self._take(point, candidate)
         return True
 

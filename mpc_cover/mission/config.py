@@ -7,13 +7,33 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
 
 SCHEMA_VERSION = 1
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+LARGEST = 1e8
+"""No number of a mission is larger, nor smaller than 1 / 1e8 unless it may be 0: products stay finite."""
+
+
+def _no_flag(value: object) -> object:
+    """Refuse `yes` and `true`, which would pass for 1."""
+    if isinstance(value, bool):
+        raise PydanticCustomError("number_type", "must be a number, not true or false")
+    return value
+
+
+def _not_tiny(value: float) -> float:
+    if value < 1.0 / LARGEST:
+        raise PydanticCustomError("too_small", "must be at least {least}", {"least": 1.0 / LARGEST})
+    return value
+
+
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False), BeforeValidator(_no_flag)]
+Positive = Annotated[
+    float, Field(gt=0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_tiny), BeforeValidator(_no_flag)
+]
+NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False), BeforeValidator(_no_flag)]
 Point = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
@@ -62,7 +82,7 @@ class Area(Model):
     """Upper corner of the box that agents stay in (3.13); default: W's bounding box."""
 
 
-Radius = Positive | dict[Name, Positive]
+Radius = Positive | Annotated[dict[Name, Positive], Field(min_length=1)]
 
 
 class AgentSpec(Model):
@@ -119,7 +139,7 @@ class Planning(Model):
 class MissionSpec(Model):
     """A whole mission file."""
 
-    schema_version: Literal[1] = Field(alias="schema")
+    schema_version: Annotated[Literal[1], BeforeValidator(_no_flag)] = Field(alias="schema")
     name: Name
     area: Area
     fleet: FleetSpec

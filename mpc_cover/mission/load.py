@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -16,11 +17,10 @@ from mpc_cover.mission.config import MissionSpec
 from mpc_cover.mission.field import Field, bounding_box, build_field
 from mpc_cover.mission.fleet import Fleet, build_fleet
 from mpc_cover.mission.validation import find_problems
+from mpc_cover.mission.wording import problems_of
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
-
-    from pydantic_core import ErrorDetails
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +42,8 @@ class _StrictLoader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen = set()
         for key_node, _ in node.value:
+            if key_node.tag == "tag:yaml.org,2002:merge":
+                continue  # `<<: *defaults`, whose keys may be overridden
             key = self.construct_object(key_node, deep=True)
             if key in seen:
                 mark = key_node.start_mark
@@ -61,7 +63,7 @@ def build_mission(raw: object, what: str) -> Mission:
     try:
         spec = MissionSpec.model_validate(raw)
     except ValidationError as error:
-        problems = _problems_of(error, raw)
+        problems = problems_of(error, raw)
         problems += _cross_field_problems(raw, problems)
         raise InvalidInputError(what, problems) from None
     if problems := find_problems(spec):
@@ -86,9 +88,11 @@ def load_mission(path: str | Path) -> Mission:
     try:
         text = file.read_text(encoding="utf-8")
         raw = yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - a SafeLoader
-    except (OSError, UnicodeDecodeError) as error:
-        raise UnreadableFileError(f"mission {path}: cannot be read: {error}") from None
-    except (yaml.YAMLError, RecursionError, ValueError, TypeError) as error:
+    except OSError as error:
+        raise UnreadableFileError(f"mission {path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise UnreadableFileError(f"mission {path}: cannot be read: is not UTF-8 text: {error}") from None
+    except Exception as error:  # noqa: BLE001 - besides its own, PyYAML lets through what its constructors raise
         detail = " ".join(str(error).split())
         raise UnreadableFileError(f"mission {path}: is not valid YAML: {detail}") from None
     return build_mission(raw, f"mission {path}")
@@ -114,60 +118,43 @@ def shipped_missions() -> list[Path]:
 
 
 def _find(path: Path) -> Path:
-    if path.exists():
-        return path
-    if path.parent == Path():
-        for shipped in shipped_missions():
-            if path.name in (shipped.stem, shipped.name):
-                return shipped
+    """Return the mission's file; a folder of the same name does not hide a mission that comes with us."""
+    with contextlib.suppress(OSError, ValueError):  # a name that no file can have
+        if path.is_file():
+            return path
+        if path.parent == Path():
+            for shipped in shipped_missions():
+                if path.name in (shipped.stem, shipped.name):
+                    return shipped
+        if path.exists():
+            return path
     names = ", ".join(shipped.stem for shipped in shipped_missions())
     raise UnreadableFileError(f"mission {path}: no such file, nor one of the missions that come along: {names}")
-
-
-def _problems_of(error: ValidationError, raw: object) -> list[Problem]:
-    """One problem a path: a union reports each of its members."""
-    first: dict[str, Problem] = {}
-    for item in error.errors(include_url=False):
-        problem = _from_pydantic(item, raw)
-        first.setdefault(problem.path, problem)
-    return list(first.values())
-
-
-def _from_pydantic(item: ErrorDetails, raw: object) -> Problem:
-    parts: list[str] = []
-    here: Any = raw
-    for part in item["loc"]:
-        try:
-            here = here[part]
-        except (KeyError, IndexError, TypeError):
-            if item["type"] != "missing" or part != item["loc"][-1]:
-                continue  # the tag of a union: the user never wrote it
-        parts.append(str(part))
-    path = ".".join(parts) or "the file"
-    match item["type"]:
-        case "extra_forbidden":
-            return Problem(path, item["input"], "is not a known key")
-        case "missing":
-            return Problem(path, None, "is missing")
-    message = item["msg"]
-    return Problem(path, item["input"], message[:1].lower() + message[1:])
 
 
 def _cross_field_problems(raw: object, found: list[Problem]) -> list[Problem]:
     """Look across the fields even though some are wrong: mend those with neutral values first."""
     mended = _without(raw, [problem.path for problem in found])
-    try:
-        spec = MissionSpec.model_validate(mended)
-    except ValidationError:
+    if not isinstance(mended, dict):
+        return []
+    mended = {"schema": 1, "name": "unnamed", **mended}
+    stand_in = {"shape": {"kind": "box", "min_m": [0, 0], "max_m": [1, 1]}, "cell_size_m": 1}
+    for attempt, area_known in ((mended, True), ({**mended, "area": stand_in}, False)):
+        with contextlib.suppress(ValidationError):
+            problems = find_problems(MissionSpec.model_validate(attempt), area_known=area_known)
+            break
+    else:
         return []
     spoilt = {problem.path.rsplit(".", 1)[-1] for problem in found}
     if "sensing_radius_m" in spoilt:
         spoilt.add("magnitudes")  # measured by no agent, but only because of the radius
-    return [problem for problem in find_problems(spec) if problem.path.rsplit(".", 1)[-1] not in spoilt]
+    return [problem for problem in problems if problem.path.rsplit(".", 1)[-1] not in spoilt]
 
 
 def _without(raw: object, paths: list[str]) -> object:
     """Return a copy of `raw` without the optional values at these dotted paths."""
+    if not paths:
+        return raw
     if isinstance(raw, dict):
         here = {path.split(".", 1)[0] for path in paths if "." not in path}
         return {

@@ -18,13 +18,17 @@ if TYPE_CHECKING:
     from mpc_cover.mission.config import MissionSpec
 
 MAX_CELLS = 200_000
+MAX_PLAN_STEPS = 2_000
 
 
-def find_problems(spec: MissionSpec) -> list[Problem]:
-    """Return everything that is wrong with a mission whose fields are right one by one."""
+def find_problems(spec: MissionSpec, *, area_known: bool = True) -> list[Problem]:
+    """Return everything that is wrong with a mission whose fields are right one by one.
+
+    With `area_known` false its area is a stand-in, and nothing is said about that.
+    """
     shape = list(_shape_problems(spec))
-    area = [] if shape else list(_area_problems(spec))
-    return [*shape, *area, *_agent_problems(spec), *_fleet_problems(spec), *_control_problems(spec)]
+    area = [*shape, *([] if shape else _area_problems(spec))] if area_known else []
+    return [*area, *_agent_problems(spec), *_fleet_problems(spec), *_control_problems(spec)]
 
 
 def _shape_problems(spec: MissionSpec) -> Iterator[Problem]:
@@ -51,7 +55,7 @@ def _area_problems(spec: MissionSpec) -> Iterator[Problem]:
     lower, upper = bounding_box(area.shape)
     count = float(np.prod(np.ceil((upper - lower) / area.cell_size_m)))
     if count > MAX_CELLS:
-        yield Problem("area.cell_size_m", area.cell_size_m, f"gives {count:.0f} cells, more than {MAX_CELLS}")
+        yield Problem("area.cell_size_m", area.cell_size_m, f"gives {count:.6g} cells, must give at most {MAX_CELLS}")
         return
     if build_field(area).size == 0:
         yield Problem("area.shape", area.shape.kind, "holds no cell centroid: a larger shape or smaller cells")
@@ -91,7 +95,13 @@ def _agent_problems(spec: MissionSpec) -> Iterator[Problem]:
                 yield Problem(f"{where}.sensing_radius_m", radius, right)
         elif radius is not None:
             measured |= set(spec.magnitudes)
-    for name in spec.magnitudes:
+    yield from _magnitude_problems(spec, measured)
+
+
+def _magnitude_problems(spec: MissionSpec, measured: set[str]) -> Iterator[Problem]:
+    for name in sorted({name for name in spec.magnitudes if spec.magnitudes.count(name) > 1}):
+        yield Problem("magnitudes", name, "is listed more than once")
+    for name in dict.fromkeys(spec.magnitudes):
         if name not in measured:
             yield Problem("magnitudes", name, "is measured by no agent: give one a sensing radius for it")
 
@@ -144,4 +154,7 @@ def _control_problems(spec: MissionSpec) -> Iterator[Problem]:
         yield Problem("control.state_period_s", control.state_period_s, right)
     if spec.planning.duration_s < 2 * control.period_s:
         right = f"must be at least two periods of {control.period_s} s"
+        yield Problem("planning.duration_s", spec.planning.duration_s, right)
+    if spec.planning.duration_s > MAX_PLAN_STEPS * control.period_s:
+        right = f"must be at most {MAX_PLAN_STEPS} periods of {control.period_s} s"
         yield Problem("planning.duration_s", spec.planning.duration_s, right)

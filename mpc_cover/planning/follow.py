@@ -122,12 +122,20 @@ def _stay_inside(
 
 
 def _in_time(v: FloatArray, u: FloatArray, force: FloatArray, period: float, left: int) -> FloatArray:
-    """Keep the speed such that the steps left suffice to stop."""
-    cap = np.maximum(0.9 * force * period * (left - 1), 0.0)
-    after = v + period * u
-    size = np.linalg.norm(after, axis=1)
-    scale = np.minimum(1.0, cap / np.maximum(size, 1e-12))
-    return np.asarray((after * scale[:, None] - v) / period)
+    """Keep the speed such that the steps left suffice to stop.
+
+    Whoever would be too fast goes as far from straight braking towards what was wanted as the speed allows;
+    both lie within the input's ball, and so does all between them.
+    """
+    brake = 0.9 * force * period
+    cap = brake * (left - 1)
+    size = np.linalg.norm(v, axis=1)
+    safe = v * np.maximum(1.0 - brake / np.maximum(size, 1e-12), 0.0)[:, None]
+    toward = v + period * u - safe
+    a, b, c = (np.einsum("id,id->i", x, y) for x, y in ((toward, toward), (safe, toward), (safe, safe)))
+    root = np.sqrt(np.maximum(b * b - a * (c - cap**2), 0.0))
+    part = np.where(a > 1e-18, (root - b) / np.maximum(a, 1e-18), 1.0)
+    return np.asarray((safe + np.clip(part, 0.0, 1.0)[:, None] * toward - v) / period)
 
 
 def _stop(motion: Motion, force: FloatArray, period: float) -> Motion:

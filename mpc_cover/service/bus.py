@@ -32,7 +32,8 @@ class Quality:
     history: int = 0
 
 
-STATE = Quality("INTERACTIVE_HIGH")
+STATE = Quality("INTERACTIVE_HIGH", history=600)
+"""With a minute of history: a controller that goes on after a death learns what was measured meanwhile."""
 PLAN = Quality("INTERACTIVE_HIGH", history=1)
 STATUS = Quality("DATA", history=1)
 MAP = Quality("DATA_LOW", history=1)

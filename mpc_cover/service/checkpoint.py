@@ -33,13 +33,14 @@ class _Header(msgspec.Struct, frozen=True):
     mission_time_s: float
     finished: bool
     shape: tuple[int, int]
+    origins: dict[str, float]
     schema: int = 1
 
 
 def pack(snapshot: Snapshot, mission: str, generation: int) -> bytes:
     """Return the bytes of a checkpoint: a checksum, a header, the times."""
     rows, columns = snapshot.first.shape
-    header = _Header(mission, generation, snapshot.mission_time_s, snapshot.finished, (rows, columns))
+    header = _Header(mission, generation, snapshot.mission_time_s, snapshot.finished, (rows, columns), snapshot.origins)
     body = msgspec.json.encode(header) + b"\n" + snapshot.first.astype("<f8").tobytes()
     return hashlib.sha256(body).hexdigest().encode() + b"\n" + body
 
@@ -55,7 +56,7 @@ def unpack(data: bytes) -> tuple[str, int, Snapshot] | None:
         first = np.frombuffer(times, dtype="<f8").astype(float).reshape(header.shape)
     except (msgspec.MsgspecError, ValueError):
         return None  # written by something else
-    return header.mission, header.generation, Snapshot(header.mission_time_s, first, header.finished)
+    return header.mission, header.generation, Snapshot(header.mission_time_s, first, header.finished, header.origins)
 
 
 class FileJournal:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.service import bus
 from mpc_cover.service.commands import CommandDesk
 from mpc_cover.service.dispatch import Dispatch, UnknownPlanError
 from mpc_cover.service.fleet_view import FleetView
@@ -55,7 +56,8 @@ class Controller:
     speed : how many seconds of `clock` pass in one of the machine's.
     deadlines : whether steps have one; without, runs are deterministic.
     stay : whether to keep answering after the mission is complete.
-    journal : keeps what was covered; `resume` is what an earlier controller kept.
+    journal : keeps what was covered; `resume` is what an earlier controller kept, and what was measured since
+        is asked of the agents.
     say : told events in words.
     """
 
@@ -80,7 +82,7 @@ class Controller:
         self.phase = Phase.WAITING
         self.done = False
         self.steps = steps or StepLog()
-        self.fleet = FleetView(mission, transport, speed)
+        self.fleet = FleetView(mission, transport, speed, history=bus.STATE.history if resume else 0)
         self.heartbeat = Heartbeat(mission, transport, clock, identity, epoch=epoch, period_s=0.5 * speed, say=say)
         self._clock, self._transport = clock, transport
         self._control = mission.spec.control
@@ -92,8 +94,10 @@ class Controller:
         self._patience = max(PATIENCE_S * speed, 3.0 * self._control.state_period_s)
         self._failures = 0
         self._complete_s = np.inf
+        self._origins: dict[str, float] = {}
         if resume is not None:
             brain.coverage.first = resume.first.copy()
+            self._origins = dict(resume.origins)
 
     @property
     def next_time(self) -> float:
@@ -140,10 +144,20 @@ class Controller:
     # listening
 
     def _listen(self) -> None:
-        for measured_s, position in self.fleet.receive():
+        rounds = self.fleet.receive()
+        self._find_origin()
+        for measured_s, position in rounds:
             self.brain.coverage.observe(self._timeline.at(measured_s), position)
         if self.fleet.reborn and self.phase is Phase.FLYING:
             self._regroup(f"{', '.join(self.fleet.reborn)} started anew")
+
+    def _find_origin(self) -> None:
+        """Let mission time run on as under the controller before, by the clock of an agent that both know."""
+        for link in self.fleet.links if self._origins else ():
+            if link.state and link.state.instance in self._origins:
+                self._timeline.resume(self._origins[link.state.instance] + link.offset)
+                self._origins = {}
+                return
 
     def _obey(self) -> None:
         for command in self._desk.take():
@@ -296,9 +310,15 @@ class Controller:
 
     def _save(self, *, now: bool = False) -> None:
         finished = self.phase is Phase.COMPLETE
-        snapshot = Snapshot(self._timeline.now(), self.brain.coverage.first, finished)
+        snapshot = Snapshot(self._timeline.now(), self.brain.coverage.first, finished, self._agent_origins())
         if problem := self._journal.save(snapshot, now=now or finished):
             self.heartbeat.events.tell("journal", problem)
+
+    def _agent_origins(self) -> dict[str, float]:
+        if not self._timeline.running:
+            return self._origins
+        origin_s = self._timeline.origin_s
+        return {link.state.instance: origin_s - link.offset for link in self.fleet.links if link.state}
 
     def _schedule(self) -> None:
         if self.phase is Phase.FLYING:

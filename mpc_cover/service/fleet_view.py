@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mpc_cover.service.bus import Received, Transport
     from mpc_cover.service.messages import State
 
-STATE_DEPTH = 256
+STATE_DEPTH = 1024
 """States kept for each agent between two ticks."""
 LATE_PERIODS = 3.0
 """A state older than this many state periods is late: the agent is predicted along its plan."""
@@ -90,9 +90,12 @@ class AgentLink:
 
 
 class FleetView:
-    """All agents of a mission, in the order of its arrays."""
+    """All agents of a mission, in the order of its arrays.
 
-    def __init__(self, mission: Mission, transport: Transport, speed: float = 1.0) -> None:
+    `speed` is that of the controller's clock; `history` is how many past states of each agent to ask for.
+    """
+
+    def __init__(self, mission: Mission, transport: Transport, speed: float = 1.0, *, history: int = 0) -> None:
         fleet, keys = mission.fleet, Keys(mission.spec.name)
         self.links = [AgentLink(name, float(v)) for name, v in zip(fleet.ids, fleet.speed_max, strict=True)]
         self.rejected: Counter[Reason] = Counter()
@@ -101,7 +104,7 @@ class FleetView:
         self._shape = fleet.start.shape
         self._speed, self._mission = speed, mission_hash(mission)
         self._state_period = mission.spec.control.state_period_s
-        self._states = transport.inbox(keys.state(), STATE_DEPTH * fleet.size)
+        self._states = transport.inbox(keys.state(), STATE_DEPTH * fleet.size, history=history)
         self._presence = transport.presence(keys.agent_alive())
 
     def receive(self) -> list[tuple[float, FloatArray]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -11,11 +11,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """Mission time [s], when each magnitude was first measured on each cell (J, K) [s], and whether it is over."""
+    """How far a mission is.
+
+    Attributes
+    ----------
+    mission_time_s : [s].
+    first : (J, K) [s], when each magnitude was first measured on each cell; inf where never.
+    finished : whether it is over.
+    origins : for each agent's instance, where mission time 0 lies on its clock [s]; empty while nobody flies.
+    """
 
     mission_time_s: float
     first: FloatArray
     finished: bool = False
+    origins: dict[str, float] = field(default_factory=dict)
 
 
 class Journal(Protocol):

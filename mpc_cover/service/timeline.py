@@ -56,6 +56,15 @@ class Timeline:
         self._start_s = start_s
         self.tick = -1
 
+    def resume(self, origin_s: float) -> None:
+        """Let mission time run as it did under an earlier controller: 0 at `origin_s` of the clock."""
+        self._paused_s, self._start_s = 0.0, origin_s
+
+    @property
+    def running(self) -> bool:
+        """Whether mission time runs."""
+        return self._start_s is not None
+
     def next_tick(self) -> int:
         """Move to the next tick that is not past; return how many were skipped."""
         following = self.tick + 1

@@ -1,15 +1,26 @@
 """A small mission and a simple brain: sweeps in straight lines, no optimisation, exact on the grid."""
 
+import time
 from dataclasses import dataclass
 from enum import Enum, auto
+from threading import Event
 
 import numpy as np
 
 from mpc_cover.arrays import FloatArray
+from mpc_cover.clock import VirtualClock
 from mpc_cover.information.coverage_map import CoverageMap
 from mpc_cover.mission.load import Mission, build_mission
 from mpc_cover.model.motion import roll_out
 from mpc_cover.planning.plan import Plan
+from mpc_cover.service.agent import Agent
+from mpc_cover.service.controller import Controller
+from mpc_cover.service.decoding import decode_event, decode_state
+from mpc_cover.service.flight import predict
+from mpc_cover.service.keys import Keys
+from mpc_cover.service.local import LocalBus
+from mpc_cover.service.messages import PlanMessage
+from mpc_cover.service.recorder import MemoryRecorder
 
 
 class FakeRung(Enum):
@@ -96,3 +107,96 @@ class SweepBrain:
             force[up + coast : up + coast + down] = -peak / (down * period)
         q, _ = roll_out(position[None], velocity[None], force[:, None], period)
         return force if q[:, 0, 1].max() <= self.goal_y + 1e-9 else None
+
+
+class Bench:
+    """A clock, a bus, and ticks of whoever takes part, each when it is due."""
+
+    def __init__(self, mission: Mission, channel=None) -> None:
+        self.mission = mission
+        self.clock = VirtualClock(100.0)
+        self.bus = LocalBus(self.clock, channel)
+        self.keys = Keys(mission.spec.name)
+        self.agents: list[Agent] = []
+        self.records: dict[str, MemoryRecorder] = {}
+        self.said: list[str] = []
+        self._ears = {}
+        self._never = Event()
+
+    def agent(self, name="a1", *, instance=None, clock=None) -> Agent:
+        self.records[name] = MemoryRecorder()
+        agent = Agent(
+            self.mission,
+            name,
+            self.bus.join(),
+            clock or self.clock,
+            instance=instance or f"{name}-life",
+            recorder=self.records[name],
+            say=self.said.append,
+        )
+        agent.startup()
+        self.agents.append(agent)
+        return agent
+
+    def controller(self, brain, **options) -> Controller:
+        options = {"deadlines": False, "say": self.said.append, **options}
+        controller = Controller(self.mission, brain, self.bus.join(), self.clock, **options)
+        controller.startup()
+        return controller
+
+    def hear(self, pattern: str):
+        """Return an inbox on a pattern, always the same one."""
+        if pattern not in self._ears:
+            self._ears[pattern] = self.bus.join().inbox(pattern, 10_000, history=1000)
+        return self._ears[pattern]
+
+    def states(self, name="a1"):
+        return [decode_state(item.payload, 2) for item in self.hear(self.keys.state(name)).drain()]
+
+    def events(self):
+        items = [*self.hear(self.keys.controller_event).drain(), *self.hear(self.keys.agent_event()).drain()]
+        return [decode_event(item.payload) for item in items]
+
+    def run(self, *controllers, until=None, seconds=60.0, after=None) -> None:
+        """Tick in the order in which ticks are due, agents first, until `until()` holds or time is up."""
+        end = self.clock.now() + seconds
+        while True:
+            participants = [*self.agents, *controllers]
+            due = min(participants, key=lambda participant: participant.next_time)
+            if due.next_time > end + 1e-9 or (until and until()):
+                return
+            self.clock.wait_until(due.next_time, self._never)
+            due.tick()
+            if after:
+                after(due)
+
+
+def straight_plan(agent: Agent, start_s: float, *, seq=0, epoch=1, controller="c", steps=8, period=0.5, **changes):
+    """Return a plan that an agent at rest at `start_s` can fly: a metre or so upwards, and rest."""
+    q, v = predict(agent.plant, agent.schedule, start_s)
+    force = np.zeros((steps, 1, 2))
+    force[0, 0, 1], force[2, 0, 1] = 0.8, -0.8
+    position, velocity = roll_out(q[None], v[None], force, period)
+    fields = {
+        "epoch": epoch,
+        "controller": controller,
+        "seq": seq,
+        "agent": agent.id,
+        "instance": agent.instance,
+        "start_s": start_s,
+        "valid_until_s": start_s + period,
+        "period_s": period,
+        "position": position[:, 0].tolist(),
+        "velocity": velocity[:, 0].tolist(),
+        "input": force[:, 0].tolist(),
+    }
+    return PlanMessage(**{**fields, **changes})
+
+
+def until(condition, seconds=20.0, every=0.01):
+    """Wait for a condition that another process or thread brings about; return what it returned."""
+    deadline, waiting = time.monotonic() + seconds, Event()
+    while not (result := condition()):
+        assert time.monotonic() < deadline, "it did not come about"
+        waiting.wait(every)
+    return result

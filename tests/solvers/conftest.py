@@ -5,17 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from doubles import FakeClock
+from solver_accuracy import CLOSE, TIGHT
+from solver_doubles import FakeClock
 
-from solvers.backends.options import Options
 from solvers.backends.registry import BACKENDS, make_backend
 
 if TYPE_CHECKING:
     from solvers.backends.base import Backend
-
-# what an analytic solution must be met to: OSQP's accuracy costs iterations
-TIGHT = {"osqp": Options(tolerance=1e-7), "clarabel": Options(tolerance=1e-9), "piqp": Options(tolerance=1e-9)}
-CLOSE = {"osqp": 1e-4, "clarabel": 1e-6, "piqp": 1e-6}
+    from solvers.backends.options import Options
 
 
 @pytest.fixture(params=list(BACKENDS))

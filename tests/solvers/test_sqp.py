@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from doubles import FakeClock, ScriptedBackend, raw
 from hock_schittkowski import BY_NUMBER, PROBLEMS, Problem
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from solver_doubles import FakeClock, ScriptedBackend, raw
 
 from solvers.backends.registry import make_backend
 from solvers.globalization import Backtracking, TrustRegion
@@ -152,6 +152,16 @@ def test_stalled_when_the_model_lies(name: str) -> None:
     assert found.outcome is Outcome.STALLED
     assert found.x.tolist() == [1.0]
     assert not any(iterate.accepted for iterate in found.history)
+
+
+def test_stalled_without_a_correction_to_try() -> None:
+    class Liar(Quartic):
+        def measure(self, x: np.ndarray) -> Measure:
+            return replace(super().measure(x), objective=float(abs(x - 1.0).max()))
+
+    found = solve(Liar(), np.array([1.0]), make_backend("clarabel"), replace(ACCURATE, region=TrustRegion(1.0, 1e-4)))
+    assert found.outcome is Outcome.STALLED
+    assert found.x.tolist() == [1.0]
 
 
 def test_small_steps() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from doubles import FakeClock, ScriptedBackend, raw
 from qp_strategies import qp_of
+from solver_doubles import FakeClock, ScriptedBackend, raw
 
 from solvers.backends.options import Options
 from solvers.qp import InvalidQPError, SecondOrderCones

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from doubles import FakeClock
+from solver_doubles import FakeClock
 
 from solvers.backends.registry import BACKENDS, UnknownBackendError, make_backend
 

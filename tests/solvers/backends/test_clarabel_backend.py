@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from doubles import FakeClock
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from qp_strategies import qp_of
+from solver_doubles import FakeClock
 
 from solvers.backends.clarabel_ import ClarabelBackend
 from solvers.backends.options import Options

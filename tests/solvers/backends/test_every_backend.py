@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from conftest import CLOSE, TIGHT
 from hypothesis import given, settings
 from qp_strategies import convex_qps, pairs_of_qps, qp_of
+from solver_accuracy import CLOSE, TIGHT
 
 from solvers.backends.base import BackendStateError, Options
 from solvers.backends.registry import BACKENDS, make_backend
@@ -18,7 +18,7 @@ from solvers.qp import QP, InvalidQPError
 from solvers.status import Status
 
 if TYPE_CHECKING:
-    from doubles import FakeClock
+    from solver_doubles import FakeClock
 
     from solvers.backends.base import Backend
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from doubles import FakeClock
 from qp_strategies import qp_of
+from solver_doubles import FakeClock
 
 from solvers.backends.options import Options
 from solvers.backends.osqp_ import NO_LIMIT_S, OSQPBackend

@@ -1,0 +1,176 @@
+"""The controller in closed loop, and its ladder when the planner fails."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from mpc_cover.control.fallback import Rung
+from mpc_cover.control.receding_horizon import RecedingHorizon
+from mpc_cover.errors import UserError
+from mpc_cover.mission.load import build_mission
+from mpc_cover.planning.continuation import Refined
+from mpc_cover.planning.planner import Candidate
+from mpc_cover.verification.motion import verify_motion
+
+PERIOD = 0.5
+
+
+def small_mission(horizon=8, **fleet):
+    raw = {
+        "schema": 1,
+        "name": "small",
+        "area": {"shape": {"kind": "box", "min_m": [0, 0], "max_m": [5, 5]}, "cell_size_m": 0.5},
+        "fleet": {
+            "defaults": {"sensing_radius_m": 1.0, "input_max_m_per_s2": 1.5, "speed_max_m_per_s": 1.5},
+            "agents": [{"id": "a1", "start_m": [0.6, 0.6]}, {"id": "a2", "start_m": [1.6, 0.6]}],
+            "separation_min_m": 0.5,
+            "communication_range_m": 3.0,
+            **fleet,
+        },
+        "control": {"period_s": PERIOD, "horizon_steps": horizon},
+    }
+    return build_mission(raw, "small")
+
+
+def holds(mission, plan, start):
+    report = verify_motion(
+        mission.fleet, plan.time(), plan.position, plan.velocity, plan.input, at_rest=True, start=start
+    )
+    return report.holds
+
+
+def fly(mission, brain, limit=60, disturb=None):
+    """Fly the closed loop with exact agents; return the flown motion and the results of all steps."""
+    position, velocity = mission.fleet.start, np.zeros_like(mission.fleet.start)
+    brain.coverage.observe(0.0, position)
+    result = brain.prepare(position, velocity, 0.0, deadline=None)
+    flown, results = [(position, velocity)], [result]
+    for k in range(limit):
+        assert holds(mission, result.plan, (position, velocity))
+        for part in (0.2, 0.4, 0.6, 0.8, 1.0):
+            brain.coverage.observe((k + part) * PERIOD, result.plan.state_at((k + part) * PERIOD)[0])
+        position, velocity = result.plan.position[1], result.plan.velocity[1]
+        if disturb is not None:
+            position = position + disturb(k)
+        flown.append((position, velocity))
+        if brain.coverage.complete and np.abs(velocity).max() < 1e-9:
+            break
+        result = brain.step(position, velocity, (k + 1) * PERIOD, deadline=None)
+        results.append(result)
+    return flown, results
+
+
+@pytest.mark.parametrize("horizon", [4, 8, 30])
+def test_the_closed_loop_finishes_whatever_the_horizon(horizon):
+    mission = small_mission(horizon)
+    brain = RecedingHorizon(mission)
+    flown, results = fly(mission, brain)
+    assert brain.coverage.complete
+    assert {r.rung for r in results} <= {Rung.NEW, Rung.REST}
+    assert len(flown) * PERIOD < 12.0
+    assert all(r.plan.steps >= horizon for r in results)
+
+
+@pytest.mark.parametrize("backend", ["osqp", "clarabel"])
+def test_every_back_end_flies_it(backend):
+    mission = small_mission()
+    brain = RecedingHorizon(mission, backend=backend)
+    fly(mission, brain)
+    assert brain.coverage.complete
+
+
+def test_small_disturbances_are_flown_out():
+    mission = small_mission()
+    brain, rng = RecedingHorizon(mission), np.random.default_rng(3)
+    fly(mission, brain, disturb=lambda _: rng.normal(scale=0.002, size=(2, 2)))
+    assert brain.coverage.complete
+
+
+def test_two_runs_are_the_same():
+    runs = [fly(small_mission(), RecedingHorizon(small_mission()))[0] for _ in range(2)]
+    assert np.array(runs[0]).tobytes() == np.array(runs[1]).tobytes()
+
+
+class FailingEngine:
+    """A planner of which nothing can be used."""
+
+    def __init__(self, candidate):
+        self.candidate = candidate
+
+    def quick(self, task, deadline):
+        return self.candidate
+
+    whole = quick
+
+    def judge(self, window, x):
+        return Refined(x, 1.0, 9.0, ())
+
+    def polish(self, window, x, iterations, deadline):
+        return Refined(np.full_like(x, np.nan), 0.0, 0.0, ())
+
+
+def start_flying(mission):
+    brain = RecedingHorizon(mission)
+    start, still = mission.fleet.start, np.zeros_like(mission.fleet.start)
+    return brain, brain.prepare(start, still, 0.0, deadline=None).plan
+
+
+def test_nan_from_the_planner_never_leaves_the_controller():
+    mission = small_mission()
+    brain, plan = start_flying(mission)
+    brain._engine = FailingEngine(None)
+    start = plan.position[1], plan.velocity[1]
+    result = brain.step(*start, PERIOD, deadline=None)
+    assert result.rung is Rung.NEW  # the mission plan goes on
+    assert holds(mission, result.plan, start)
+
+
+def test_without_a_mission_plan_the_previous_plan_is_shifted_and_then_rest():
+    mission = small_mission()
+    brain, plan = start_flying(mission)
+    brain._engine = FailingEngine(Candidate(plan, 1.0, feasible=False, kind="useless"))
+    brain._whole = None
+    for k in range(1, 12):
+        start = plan.state_at(k * PERIOD)
+        result = brain.step(*start, k * PERIOD, deadline=None)
+        assert result.rung is Rung.SHIFTED
+        assert holds(mission, result.plan, start)
+    assert np.abs(start[1]).max() < 1e-9
+
+
+def test_without_any_plan_it_brakes():
+    mission = small_mission()
+    brain = RecedingHorizon(mission)
+    brain._engine = FailingEngine(Candidate(start_flying(mission)[1], 1.0, feasible=False, kind="useless"))
+    start = mission.fleet.start, np.array([[0.0, 1.0], [0.0, 1.0]])
+    result = brain.step(*start, 0.0, deadline=None)
+    assert result.rung is Rung.BRAKE
+    assert holds(mission, result.plan, start)
+
+
+def test_when_all_is_covered_it_comes_to_rest():
+    mission = small_mission()
+    brain, plan = start_flying(mission)
+    brain.coverage.first[:] = 0.0
+    result = brain.step(plan.position[2], plan.velocity[2], 2 * PERIOD, deadline=None)
+    assert result.rung is Rung.REST
+    assert np.abs(result.plan.velocity[2:]).max() == 0.0
+    again = brain.prepare(mission.fleet.start, np.zeros((2, 2)), 0.0, deadline=None)
+    assert again.rung is Rung.REST
+
+
+def test_a_missed_deadline_is_reported_and_the_plan_is_still_verified():
+    mission = small_mission()
+    brain, plan = start_flying(mission)
+    start = plan.position[1], plan.velocity[1]
+    result = brain.step(*start, PERIOD, deadline=time.perf_counter() - 1.0)
+    assert result.deadline_missed
+    assert holds(mission, result.plan, start)
+
+
+def test_an_unknown_back_end_is_a_clear_error():
+    with pytest.raises(UserError, match="osqp"):
+        RecedingHorizon(small_mission(), backend="cplex")

@@ -1,0 +1,48 @@
+"""The zero-order hold and disc sensing against analytical truths."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from mpc_cover.model.motion import roll_out
+from mpc_cover.model.sensing import covered_at, measured
+
+
+@given(seed=st.integers(0, 10**6), period=st.floats(0.01, 2.0), steps=st.integers(1, 8))
+def test_the_roll_out_is_the_matrix_exponential(seed, period, steps):
+    rng = np.random.default_rng(seed)
+    q, v = rng.normal(size=(1, 1)), rng.normal(size=(1, 1))
+    force = rng.normal(size=(steps, 1, 1))
+    # [q v u]' under u held constant (3.3)
+    transition = expm(period * np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]))
+    position, velocity = roll_out(q, v, force, period)
+    state = np.array([q[0, 0], v[0, 0]])
+    for n in range(steps):
+        state = (transition @ [*state, force[n, 0, 0]])[:2]
+        assert position[n + 1, 0, 0] == pytest.approx(state[0], abs=1e-9)
+        assert velocity[n + 1, 0, 0] == pytest.approx(state[1], abs=1e-9)
+
+
+def test_a_cell_exactly_at_the_radius_is_measured_and_one_beyond_is_not():
+    cell = np.array([[0.3 + 0.6, 0.0], [0.91, 0.0]])
+    assert measured(np.array([[0.3, 0.0]]), cell, np.array([[0.6]])).tolist() == [[True, False]]
+
+
+def test_only_agents_that_can_measure_a_magnitude_do():
+    seen = measured(np.zeros((2, 2)), np.zeros((1, 2)), np.array([[1.0, -np.inf], [-np.inf, -np.inf]]))
+    assert seen.tolist() == [[True], [False]]
+
+
+def test_a_lost_agent_sees_nothing():
+    assert not measured(np.full((1, 2), np.nan), np.zeros((1, 2)), np.ones((1, 1))).any()
+
+
+def test_a_cell_is_covered_when_its_last_magnitude_is():
+    position = np.array([[[0.0, 0.0], [9.0, 0.0]], [[9.0, 0.0], [9.0, 0.0]], [[9.0, 0.0], [0.0, 0.0]]])
+    radius = np.array([[1.0, -np.inf], [-np.inf, 1.0]])
+    first = covered_at(np.array([0.0, 0.5, 1.0]), position, np.array([[0.0, 0.0], [5.0, 5.0]]), radius)
+    assert first.tolist() == [1.0, np.inf]

@@ -1,0 +1,123 @@
+"""Guesses fly within the limits, come to rest, and sweep what is owed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from flights import fleet_of
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+from motions import PERIOD, grid
+
+from mpc_cover.coverage.objective import coverage_cost
+from mpc_cover.mission.load import load_mission
+from mpc_cover.model.sensing import measured
+from mpc_cover.planning.engine import resampled
+from mpc_cover.planning.follow import follow
+from mpc_cover.planning.guesses import rest_guess, sweep_guesses, tour_guess
+from mpc_cover.planning.lanes import assign, cut_lanes, strips
+from mpc_cover.verification.motion import verify_motion
+
+
+def verified(flight, fleet):
+    force = np.diff(flight.velocity, axis=0) / PERIOD
+    time = PERIOD * np.arange(flight.steps + 1)
+    return verify_motion(fleet, time, flight.position, flight.velocity, force, at_rest=True)
+
+
+@hypothesis_settings(max_examples=40)
+@given(seed=st.integers(0, 10**6), steps=st.one_of(st.none(), st.integers(4, 30)))
+def test_following_random_waypoints_keeps_all_limits_and_ends_at_rest(seed, steps):
+    rng = np.random.default_rng(seed)
+    agents = int(rng.integers(1, 4))
+    start = rng.uniform(0.5, 9.5, (agents, 2))
+    fleet = fleet_of(
+        start,
+        input_max=rng.uniform(0.5, 2.0, agents),
+        speed_max=rng.uniform(0.5, 2.0, agents),
+        motion_min=np.zeros(2),
+        motion_max=np.full(2, 10.0),
+    )
+    paths = [rng.uniform(0.5, 9.5, (int(rng.integers(1, 5)), 2)) for _ in range(agents)]
+    flight = follow(paths, start, np.zeros_like(start), fleet, PERIOD, steps=steps)
+    report = verified(flight, fleet)
+    assert report.holds, report.first_failure
+    if steps is not None:
+        assert flight.steps == steps
+
+
+def test_without_a_number_of_steps_it_arrives():
+    start = np.array([[1.0, 1.0]])
+    flight = follow([np.array([[8.0, 1.0], [8.0, 6.0]])], start, np.zeros((1, 2)), fleet_of(start), PERIOD)
+    assert flight.position[-1, 0] == pytest.approx([8.0, 6.0], abs=0.6)
+
+
+@pytest.mark.parametrize("name", ["box-3"])
+def test_sweeps_and_tours_cover_nearly_everything_as_they_fly(name):
+    mission = load_mission(name)
+    fleet, cell = mission.fleet, mission.field.cell
+    owed = np.ones((1, cell.shape[0]))
+    kinds = set()
+    for guess in [*sweep_guesses(fleet, cell, owed, fleet.start), tour_guess(fleet, cell, owed, fleet.start)]:
+        flight = follow(guess.paths, fleet.start, np.zeros_like(fleet.start), fleet, PERIOD)
+        seen = np.any([measured(q, cell, fleet.radius) for q in flight.position], axis=0)
+        kinds.add(guess.kind.split()[0])
+        assert seen.mean() > 0.95, guess.kind
+    assert kinds == {"strips", "comb", "tour"}
+
+
+def test_a_tour_visits_what_is_left_over_with_whoever_can_measure_it():
+    start = np.array([[0.0, 0.0], [9.0, 0.0]])
+    fleet = fleet_of(start, radius=np.array([[1.0, -np.inf], [-np.inf, 1.0]]))
+    owed = np.array([[0.0, 1.0], [1.0, 0.0]])
+    cell = np.array([[1.0, 5.0], [8.0, 5.0]])
+    guess = tour_guess(fleet, cell, owed, start)
+    assert guess.paths[0][-1].tolist() == [8.0, 5.0]
+    assert guess.paths[1][-1].tolist() == [1.0, 5.0]
+
+
+def test_with_nothing_owed_everybody_stays():
+    start = np.array([[1.0, 2.0]])
+    fleet = fleet_of(start)
+    assert tour_guess(fleet, grid(2), np.zeros((1, 4)), start).paths[0].tolist() == [[1.0, 2.0]]
+    assert rest_guess(start).paths[0].tolist() == [[1.0, 2.0]]
+
+
+def test_lanes_are_at_most_a_sensing_disc_wide():
+    lanes = cut_lanes(grid(20, 0.5), 1.0, 0)
+    across = [lane.low[1] for lane in lanes]
+    assert np.diff(across).max() <= 2.0
+    assert all(lane.low[1] == lane.high[1] for lane in lanes)
+    assert cut_lanes(np.array([[1.0, 1.0]]), 1.0, 0)[0].low.tolist() == [1.0, 1.0]
+
+
+def test_strips_share_out_in_proportion():
+    parts = strips(grid(10), np.array([3.0, 1.0]), 0)
+    assert [len(part) for part in parts] == [75, 25]
+    assert parts[0][:, 0].max() <= parts[1][:, 0].max()
+
+
+@pytest.mark.parametrize("agents", [3, 8])
+def test_assignment_is_a_permutation_and_takes_the_obvious_one(agents):
+    start = np.stack([np.arange(agents), np.zeros(agents)], axis=1)
+    goal = start[::-1] + [0.0, 0.5]
+    assert assign(start, goal) == list(range(agents))[::-1]
+
+
+def test_resampling_plays_the_same_path_faster():
+    velocity = np.zeros((11, 1, 2))
+    velocity[1:-1, 0, 0] = 1.0
+    faster = resampled(velocity, 8)
+    assert faster.shape == (9, 1, 2)
+    assert faster[:, 0, 0].sum() == pytest.approx(velocity[:, 0, 0].sum(), rel=0.05)
+    assert faster[-1].tolist() == [[0.0, 0.0]]
+
+
+def test_the_cost_of_a_complete_sweep_is_near_zero():
+    mission = load_mission("box-3")
+    fleet, cell = mission.fleet, mission.field.cell
+    owed = np.ones((1, cell.shape[0]))
+    guess = next(iter(sweep_guesses(fleet, cell, owed, fleet.start)))
+    flight = follow(guess.paths, fleet.start, np.zeros_like(fleet.start), fleet, PERIOD)
+    assert coverage_cost(flight.position, cell, fleet.radius, owed) < 2.0
