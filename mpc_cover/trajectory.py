@@ -73,10 +73,10 @@ def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
     try:
         part.write_bytes(content.getbuffer())
         part.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
+    except (OSError, ValueError) as error:  # a ValueError for a name with a NUL
+        with contextlib.suppress(OSError, ValueError):
             part.unlink()
-        raise UserError(f"trajectory {path}: cannot be written: {error.strerror or error}") from None
+        raise UserError(f"trajectory {path}: cannot be written: {getattr(error, 'strerror', None) or error}") from None
 
 
 _ZIP = b"PK"

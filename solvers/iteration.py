@@ -143,7 +143,7 @@ class Iteration:
         if not math.isfinite(predicted) or (self._negligible(predicted) and not solution.ok):
             return None
         point = self._measured(model.recover(solution.x))
-        step = float(np.abs(point.x - self._point.x).max())
+        step = model.length(point.x) if model.length else float(np.abs(point.x - self._point.x).max())
         return _Candidate(point, predicted, step, model.weight, solution.y)
 
     def _failed(self, solution: QPSolution) -> Outcome | None:

@@ -52,6 +52,7 @@ class ConvexModel:
     predicted: QP's x -> the decrease of the merit that the model promises, penalty included.
     weight: the weight of the penalty in that merit; 0 for models that keep every iterate feasible.
     start: where to start the QP from (n of the QP), or None for its last solution.
+    length: next point -> the length of the step in the radius's units; None for the infinity norm of x.
     """
 
     qp: QP
@@ -59,6 +60,7 @@ class ConvexModel:
     predicted: Callable[[NDArray[np.float64]], float]
     weight: float = 0.0
     start: NDArray[np.float64] | None = None
+    length: Callable[[NDArray[np.float64]], float] | None = None
 
 
 class Convexifiable(Protocol):

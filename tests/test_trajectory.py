@@ -79,9 +79,11 @@ def test_a_name_without_a_suffix_is_kept_as_it_is(flight, tmp_path):
     assert load_trajectory(tmp_path / "plan.out").agent_id == flight.agent_id
 
 
-def test_a_place_that_cannot_be_written_is_the_users_mistake(flight, tmp_path):
+@pytest.mark.parametrize("name", ["missing/plan.npz", "nul\0byte.npz", "x" * 300, "."])
+def test_a_place_that_cannot_be_written_is_the_users_mistake(flight, tmp_path, name):
     with pytest.raises(UserError, match="cannot be written"):
-        save_trajectory(flight, tmp_path / "missing" / "plan.npz")
+        save_trajectory(flight, f"{tmp_path}/{name}")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_directory_is_not_overwritten(flight, tmp_path):
@@ -146,6 +148,8 @@ def test_missing_file_and_directory(tmp_path):
         load_trajectory(tmp_path / "none.npz")
     with pytest.raises(UnreadableFileError, match="directory"):
         load_trajectory(tmp_path)
+    with pytest.raises(UnreadableFileError, match="null byte"):
+        load_trajectory("nul\0byte.npz")
 
 
 def test_pickles_are_never_opened(saved, tmp_path):

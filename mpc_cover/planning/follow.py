@@ -134,7 +134,7 @@ def _in_time(v: FloatArray, u: FloatArray, force: FloatArray, period: float, lef
     toward = v + period * u - safe
     a, b, c = (np.einsum("id,id->i", x, y) for x, y in ((toward, toward), (safe, toward), (safe, safe)))
     root = np.sqrt(np.maximum(b * b - a * (c - cap**2), 0.0))
-    part = np.where(a > 1e-18, (root - b) / np.maximum(a, 1e-18), 1.0)
+    part = np.where(a > 0.0, (root - b) / np.maximum(a, 1e-18), 1.0)
     return np.asarray((safe + np.clip(part, 0.0, 1.0)[:, None] * toward - v) / period)
 
 

@@ -206,7 +206,11 @@ def _model(window: Window, layout: Layout, qp: QP, start: FloatArray, weight: fl
     def predicted(point: FloatArray) -> float:
         return here - cost(point)
 
-    return ConvexModel(qp=qp, recover=recover, predicted=predicted, weight=weight, start=start)
+    def length(x: FloatArray) -> float:
+        moved = window.motion(x)[0][1:].ravel() - start[: layout.half]
+        return float(np.abs(moved).max())
+
+    return ConvexModel(qp=qp, recover=recover, predicted=predicted, weight=weight, start=start, length=length)
 
 
 def _exact_end(window: Window, x: FloatArray) -> FloatArray:

@@ -84,7 +84,7 @@ class Controller:
         self.steps = steps or StepLog()
         self.fleet = FleetView(mission, transport, speed, history=bus.STATE.history if resume else 0)
         self.heartbeat = Heartbeat(mission, transport, clock, identity, epoch=epoch, period_s=0.5 * speed, say=say)
-        self._clock, self._transport = clock, transport
+        self._clock, self._transport, self._epoch = clock, transport, epoch
         self._control = mission.spec.control
         self._speed, self._deadlines, self._stay = speed, deadlines, stay
         self._journal: Journal = journal or NoJournal()
@@ -134,7 +134,7 @@ class Controller:
     def shutdown(self) -> None:
         """Say that it ends, and keep what was covered; agents finish their plans by themselves."""
         self._listen()
-        if not self.done:
+        if self.phase not in (Phase.COMPLETE, Phase.FAILED):
             self._enter(Phase.STOPPED, "stopped: everyone finishes its plan")
         self._beat()
         self._save(now=True)
@@ -150,6 +150,9 @@ class Controller:
             self.brain.coverage.observe(self._timeline.at(measured_s), position)
         if self.fleet.reborn and self.phase is Phase.FLYING:
             self._regroup(f"{', '.join(self.fleet.reborn)} started anew")
+        if (newest := self.fleet.newest_epoch()) > self._epoch and self.phase is not Phase.FAILED:
+            own = f"this one, of epoch {self._epoch}"
+            self._enter(Phase.FAILED, f"a controller of epoch {newest} has taken over from {own}")
 
     def _find_origin(self) -> None:
         """Let mission time run on as under the controller before, by the clock of an agent that both know."""

@@ -171,6 +171,11 @@ class FleetView:
         late = set(self.late(now_s))
         return [link.id for link in self.links if link.id not in late and link.state and not link.state.at_rest]
 
+    def newest_epoch(self) -> int:
+        """Return the highest epoch that any agent flies for; 0 when none does."""
+        states = [link.state for link in self.links if link.state]
+        return max((ref.epoch for state in states for ref in (state.plan, state.next_plan) if ref), default=0)
+
     def freeze_clocks(self) -> None:
         """Keep the clock offsets, as the best known so far, for the flight to come."""
         for link in self.links:

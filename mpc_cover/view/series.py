@@ -47,13 +47,13 @@ def draw_coverage(axes: Axes, trajectory: Trajectory) -> None:
         axes.axvline(bound, color=QUIET, linewidth=1.2, linestyle=(0, (6, 2)))
         axes.annotate(
             f"swath bound\n{bound:.1f} s",
-            (bound, 84.0),
-            xytext=(-4, 0),
+            (bound, 4.0),
+            xytext=(4, 0),
             textcoords="offset points",
             color=QUIET,
             fontsize=9.0,
-            ha="right",
-            va="top",
+            ha="left",
+            va="bottom",
             path_effects=outlined(2.5),
         )
     axes.set_ylim(0.0, 103.0)

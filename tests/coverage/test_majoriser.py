@@ -32,7 +32,7 @@ def test_its_gradient_is_the_share_by_finite_differences(seed, beta):
         assert slope[0] == pytest.approx(share[0, j], abs=1e-6)
 
 
-def exact_bound(majoriser, bar, moved, cell, radius, softness):
+def exact_bound(majoriser, bar, moved, cell, radius):
     """Evaluate sum gamma pos(level + sum_n w_n (d_n - dbar_n)) with the true distances of a moved motion."""
     points, old = moved.reshape(-1, moved.shape[2]), bar.reshape(-1, bar.shape[2])
     p = np.tile(cell, (radius.shape[1], 1))
@@ -57,9 +57,9 @@ def test_it_is_an_upper_bound_everywhere_and_tight_at_the_iterate(seed, size, be
     weight = rng.uniform(0.1, 1.0, (magnitudes, cell.shape[0]))
     majoriser = build_majoriser(bar, cell, radius, weight, softness)
     assert majoriser.cost == pytest.approx(soft_cost(bar, cell, radius, weight, softness))
-    assert exact_bound(majoriser, bar, bar, cell, radius, softness) == pytest.approx(majoriser.cost)
+    assert exact_bound(majoriser, bar, bar, cell, radius) == pytest.approx(majoriser.cost)
     moved = bar + size * rng.normal(size=bar.shape)
-    bound = exact_bound(majoriser, bar, moved, cell, radius, softness)
+    bound = exact_bound(majoriser, bar, moved, cell, radius)
     assert soft_cost(moved, cell, radius, weight, softness) <= bound + 1e-9
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def test_j_beta_never_rises_from_one_accepted_iterate_to_the_next(seed, backend)
     first = problem.measure(x)
     result = sqp.solve(problem, x, make_backend(backend), sqp.Options(max_iterations=5, feasibility=FEASIBILITY))
     values = [first.merit(50.0), *(it.objective for it in result.history)]
-    assert all(later <= earlier + 1e-9 for earlier, later in zip(values, values[1:], strict=False))
+    assert all(later <= earlier + 1e-9 for earlier, later in pairwise(values))
     assert result.violation <= FEASIBILITY
 
 

@@ -101,7 +101,7 @@ def test_strips_share_out_in_proportion():
 @pytest.mark.parametrize("agents", [3, 8])
 def test_assignment_is_a_permutation_and_takes_the_obvious_one(agents):
     start = np.stack([np.arange(agents), np.zeros(agents)], axis=1)
-    goal = start[::-1] + [0.0, 0.5]
+    goal = start[::-1] + np.array([0.0, 0.5])
     assert assign(start, goal) == list(range(agents))[::-1]
 
 

@@ -78,7 +78,7 @@ def test_the_start_of_the_model_is_feasible_for_its_rows():
 
 def test_an_infeasible_iterate_is_charged_and_brought_back():
     """Three agents in a row with an edge that is too long: the elastic rows shorten it."""
-    window, x = random_window(3)
+    window, _ = random_window(3)
     fleet = replace(window.fleet, communication_range=1.5)
     start = np.array([[1.0, 1.0], [2.2, 1.0], [3.4, 1.0]])
     window = replace(window, fleet=fleet, position=start, weight=np.zeros_like(window.weight))

@@ -7,7 +7,6 @@ from threading import Event
 
 import numpy as np
 
-from mpc_cover.arrays import FloatArray
 from mpc_cover.clock import VirtualClock
 from mpc_cover.information.coverage_map import CoverageMap
 from mpc_cover.mission.load import Mission, build_mission
@@ -55,15 +54,15 @@ def small_mission(**control) -> Mission:
 
 
 class SweepBrain:
-    """Goes straight up to y = 3.5 m from wherever it is, then rests; brakes when told to something odd."""
+    """Goes straight up to `goal_y` [m] from wherever it is, then down again should anything be owed."""
 
-    goal_y = 3.5
-
-    def __init__(self, mission: Mission) -> None:
+    def __init__(self, mission: Mission, goal_y: float = 3.5) -> None:
         self.mission = mission
+        self.goal_y = goal_y
+        self.up = True
         self.coverage = CoverageMap(mission)
         self.calls: list[tuple[str, float, float | None]] = []
-        self.predicted: list[tuple[FloatArray, FloatArray]] = []
+        self.predicted: list[tuple[np.ndarray, np.ndarray]] = []
         self.raises: Exception | None = None
 
     def prepare(self, position, velocity, start_time, *, deadline):
@@ -77,6 +76,8 @@ class SweepBrain:
         self.calls.append((kind, start_time, deadline))
         if self.raises:
             raise self.raises
+        if not velocity.any() and not self._climb(position[0], velocity[0], 8, 0.5).any():
+            self.up = not self.up
         steps, period = self.mission.spec.control.horizon_steps, self.mission.spec.control.period_s
         force = np.stack([self._climb(q, v, steps, period) for q, v in zip(position, velocity, strict=True)], axis=1)
         positions, velocities = roll_out(position, velocity, force, period)
@@ -95,18 +96,20 @@ class SweepBrain:
         return rest
 
     def _profile(self, position, velocity, up, coast, steps, period):
-        peak = velocity + np.array([0.0, 0.4 * up])
+        sign = 1.0 if self.up else -1.0
+        peak = velocity + np.array([0.0, 0.4 * up * sign])
         if np.linalg.norm(peak) > 1.0 + 1e-9:
             return None
         down = int(np.ceil(np.linalg.norm(peak) / (0.9 * period) - 1e-9))
         if up + coast + down > steps:
             return None
         force = np.zeros((steps, len(position)))
-        force[:up] = np.array([0.0, 0.4 / period])
+        force[:up] = np.array([0.0, 0.4 * sign / period])
         if down:
             force[up + coast : up + coast + down] = -peak / (down * period)
         q, _ = roll_out(position[None], velocity[None], force[:, None], period)
-        return force if q[:, 0, 1].max() <= self.goal_y + 1e-9 else None
+        inside = 0.5 - 1e-9 <= q[:, 0, 1].min() and q[:, 0, 1].max() <= self.goal_y + 1e-9
+        return force if inside else None
 
 
 class Bench:
@@ -171,11 +174,12 @@ class Bench:
                 after(due)
 
 
-def straight_plan(agent: Agent, start_s: float, *, seq=0, epoch=1, controller="c", steps=8, period=0.5, **changes):
+def straight_plan(agent: Agent, start_s: float, /, *, seq=0, epoch=1, controller="c", steps=8, period=0.5, **changes):
     """Return a plan that an agent at rest at `start_s` can fly: a metre or so upwards, and rest."""
     q, v = predict(agent.plant, agent.schedule, start_s)
     force = np.zeros((steps, 1, 2))
-    force[0, 0, 1], force[2, 0, 1] = 0.8, -0.8
+    force[0, 0, 1] = 0.8
+    force[2:4, 0] = -(v + period * force[0, 0]) / (2 * period)
     position, velocity = roll_out(q[None], v[None], force, period)
     fields = {
         "epoch": epoch,

@@ -1,5 +1,6 @@
 """Whatever arrives is decoded or rejected with a reason; nothing else."""
 
+import contextlib
 import json
 
 import msgspec
@@ -60,6 +61,7 @@ CASES = {
     "reply": (CommandReply(request="r1", accepted=True, phase=Phase.WAITING), decoding.decode_reply),
 }
 every_message = pytest.mark.parametrize(("message", "decode"), CASES.values(), ids=CASES)
+every_decoder = pytest.mark.parametrize("decode", [decode for _, decode in CASES.values()], ids=CASES)
 
 
 def changed(message, **fields) -> bytes:
@@ -93,12 +95,12 @@ def test_oversize_is_rejected_without_a_look(message, decode):
     assert reason(decode, encode(message) + b" " * MAX_PAYLOAD) is Reason.OVERSIZE
 
 
-@every_message
+@every_decoder
 @pytest.mark.parametrize(
     "payload",
     [b"", b"{}", b"[]", b"null", b"\xff\xfe", b'{"schema": 1}', b"[" * 100_000, b'{"schema":1,"a":' + b"[" * 90_000],
 )
-def test_garbage_is_rejected(message, decode, payload):
+def test_garbage_is_rejected(decode, payload):
     assert reason(decode, payload) is Reason.MALFORMED
 
 
@@ -109,9 +111,9 @@ def test_every_truncation_is_rejected(message, decode):
         assert reason(decode, payload[:length]) is Reason.MALFORMED
 
 
-@every_message
+@every_decoder
 @given(payload=st.binary(max_size=300))
-def test_bytes_never_crash(message, decode, payload):
+def test_bytes_never_crash(decode, payload):
     with pytest.raises(RejectedError):
         decode(payload)
 
@@ -127,10 +129,8 @@ junk = st.recursive(
 @given(data=st.data(), value=junk)
 def test_a_field_of_any_value_never_crashes(message, decode, data, value):
     field = data.draw(st.sampled_from(sorted(msgspec.structs.asdict(message))))
-    try:
+    with contextlib.suppress(RejectedError):
         decode(changed(message, **{field: value}))
-    except RejectedError:
-        pass
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999", "-1e999"])
