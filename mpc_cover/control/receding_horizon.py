@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 _QPS = 2
 """QPs a step at the most: the rest of the budget is for what goes wrong."""
+_SHARE = 0.3
+"""Part of the time for a step that polishing may take: a plan that is good already needs no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +127,7 @@ class RecedingHorizon:
         if sooner:
             window = stretch_window(whole, self._mission, weight, stretch, stretch - 1)
             x = resampled(whole.velocity[: stretch + 1], stretch - 1)[1:].ravel()
-        found = self._engine.polish(window, x, _QPS, deadline)
+        found = self._engine.polish(window, x, _QPS, _share_of(deadline))
         better = found.cost == 0.0 if sooner else found.cost < now.cost
         if found.feasible and better:
             plan = spliced(whole, found.x, stretch, stretch - sooner)
@@ -180,3 +182,10 @@ class RecedingHorizon:
         self._published = plan
         now = time.perf_counter()
         return StepResult(plan, rung, reason, now - begun, deadline is not None and now > deadline)
+
+
+def _share_of(deadline: float | None) -> float | None:
+    if deadline is None:
+        return None
+    now = time.perf_counter()
+    return now + _SHARE * max(deadline - now, 0.0)

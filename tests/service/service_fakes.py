@@ -36,12 +36,12 @@ class FakeResult:
     deadline_missed: bool = False
 
 
-def small_mission(**control) -> Mission:
-    """Two agents side by side below a 3 m x 4 m area that one sweep upwards covers."""
+def small_mission(height=4.0, **control) -> Mission:
+    """Two agents side by side at the lower edge of an area 3 m wide that one sweep upwards covers."""
     raw = {
         "schema": 1,
         "name": "small",
-        "area": {"shape": {"kind": "box", "min_m": [0.0, 0.0], "max_m": [3.0, 4.0]}, "cell_size_m": 0.5},
+        "area": {"shape": {"kind": "box", "min_m": [0.0, 0.0], "max_m": [3.0, height]}, "cell_size_m": 0.5},
         "fleet": {
             "defaults": {"sensing_radius_m": 1.0, "input_max_m_per_s2": 1.0, "speed_max_m_per_s": 1.0},
             "agents": [{"id": "a1", "start_m": [0.75, 0.5]}, {"id": "a2", "start_m": [2.25, 0.5]}],
@@ -108,7 +108,7 @@ class SweepBrain:
         if down:
             force[up + coast : up + coast + down] = -peak / (down * period)
         q, _ = roll_out(position[None], velocity[None], force[:, None], period)
-        inside = 0.5 - 1e-9 <= q[:, 0, 1].min() and q[:, 0, 1].max() <= self.goal_y + 1e-9
+        inside = q[:, 0, 1].min() >= 0.5 - 1e-9 and q[:, 0, 1].max() <= self.goal_y + 1e-9
         return force if inside else None
 
 

@@ -59,6 +59,18 @@ def test_a_cell_covered_but_not_claimed(flight):
     assert "claimed never covered, was measured at" in found["coverage kept"].where
 
 
+def test_the_rim_of_a_disc_counts(flight):
+    distance = np.linalg.norm(flight.position[:, :, None] - flight.cell, axis=3).min(axis=(0, 1))
+    inside, outside = np.flatnonzero((distance > 0.93) & (distance <= 1.0)), np.flatnonzero(distance > 1.0)
+    assert inside.size
+    covered_at = flight.covered_at.copy()
+    covered_at[inside] = np.inf
+    assert set(failed(replace(flight, covered_at=covered_at))) == {"coverage kept"}
+    covered_at = flight.covered_at.copy()
+    covered_at[outside[np.argmin(distance[outside])]] = flight.time[-1]
+    assert set(failed(replace(flight, covered_at=covered_at))) == {"coverage claimed"}
+
+
 def test_nan_in_the_claim_fails(flight):
     covered_at = flight.covered_at.copy()
     covered_at[3] = np.nan

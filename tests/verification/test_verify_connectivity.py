@@ -75,13 +75,14 @@ def test_a_detour_that_leaves_the_fleet_only_between_the_samples_is_found():
 
 
 def test_the_moment_at_which_the_tree_changes_is_the_widest():
-    # a3 passes a1 and a2 at 3 m; half way it is sqrt(10) m from both, and either fixed tree reaches sqrt(13) m
-    path = fly([[0.0, 0.0], [2.0, 0.0], [0.0, 3.0]], [[0, 0], [0, 0], [2.0, 0]], [0.0, 1.0])
+    # a3 passes a1 and a2 at 3 m; in between it is sqrt(10) m from both, and either fixed tree reaches 3.4 m
+    path = fly([[0.0, 0.0], [2.0, 0.0], [0.0, 3.0]], [[0, 0], [0, 0], [1.7, 0]], [0.0, 1.0])
     widest = widest_bottleneck(path)
     assert widest is not None
     assert widest.value == pytest.approx(np.sqrt(10.0), abs=1e-6)
-    assert widest.time == pytest.approx(0.5, abs=1e-6)
+    assert widest.time == pytest.approx(1 / 1.7, abs=1e-6)
     assert connectivity(path, 3.17).holds
+    assert connectivity(path, 3.1625).holds
     assert not connectivity(path, 3.16).holds
 
 

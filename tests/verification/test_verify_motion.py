@@ -89,6 +89,17 @@ def test_limits_of_a_single_agent(flight, limit, name, value):
     assert report.first_failure.margin == pytest.approx(value - 4 / 3)
 
 
+@pytest.mark.parametrize(("speed", "name"), [(1.2, "speed"), (0.0, "input")])
+def test_limits_are_discs_not_squares(speed, name):
+    # 1.2 on each axis is within a square of 1.5, but 1.7 together
+    time, start = np.array([0.0, 0.1]), np.zeros((1, 2))
+    force = np.full((1, 1, 2), 1.2 if name == "input" else 0.0)
+    position, velocity = propagate(start, force, time, np.full((1, 2), speed))
+    report = verify_motion(fleet_of(start), time, position, velocity, force)
+    assert failed(report) == {name}
+    assert report.first_failure.margin == pytest.approx(1.5 - 1.2 * np.sqrt(2.0))
+
+
 def test_limit_reached_exactly_holds(flight):
     fleet = replace(flight.mission.fleet, speed_max=np.full(3, 4 / 3), input_max=np.full(3, 4 / 3))
     assert verify_motion(fleet, flight.time, flight.position, flight.velocity, flight.input).holds

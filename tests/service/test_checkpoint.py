@@ -1,0 +1,154 @@
+"""A successor finds what was covered, whatever happened to the disk."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from service_fakes import small_mission
+
+from mpc_cover.service import state_directory
+from mpc_cover.service.checkpoint import FileJournal, pack, unpack
+from mpc_cover.service.journal import Snapshot
+from mpc_cover.service.state_directory import StateDirectory, StateError
+
+
+def snapshot(mission, mission_time_s=1.0, **fields):
+    first = np.full((1, mission.field.size), np.inf)
+    first[0, : int(mission_time_s)] = 0.5
+    return Snapshot(mission_time_s, first, **fields)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    with StateDirectory(tmp_path / "state") as folder:
+        yield folder
+
+
+def journal(folder, mission, **options):
+    return FileJournal(folder, mission, **options)
+
+
+def test_what_is_kept_is_found(folder, mission):
+    kept = snapshot(mission, 7.25, origins={"a1-life": 93.5})
+    assert journal(folder, mission).save(kept, now=True) is None
+    found, text = journal(folder, mission).load()
+    assert (found.mission_time_s, found.finished, found.origins) == (7.25, False, {"a1-life": 93.5})
+    np.testing.assert_array_equal(found.first, kept.first)
+    assert "goes on from the checkpoint at mission time 7.2 s" in text or "7.3 s" in text
+
+
+def test_nothing_kept_nothing_said(folder, mission):
+    assert journal(folder, mission).load() == (None, "")
+
+
+def test_torn_anywhere_the_older_one_is_found(folder, mission):
+    """At every byte."""
+    writer = journal(folder, mission)
+    for time_s in (1.0, 2.0):
+        writer.save(snapshot(mission, time_s), now=True)
+    newest = max(folder.path.glob("coverage.*"), key=lambda path: unpack(path.read_bytes())[1])
+    data = newest.read_bytes()
+    for length in range(len(data)):
+        newest.write_bytes(data[:length])
+        assert journal(folder, mission).load()[0].mission_time_s == 1.0
+    newest.write_bytes(data)
+    assert journal(folder, mission).load()[0].mission_time_s == 2.0
+
+
+def test_a_flipped_bit_anywhere_is_seen(mission):
+    data = pack(snapshot(mission), "hash", 3)
+    assert unpack(data) is not None
+    for index in range(len(data)):
+        assert unpack(data[:index] + bytes([data[index] ^ 1]) + data[index + 1 :]) is None
+
+
+def test_when_both_are_damaged_it_starts_afresh_and_says_so(folder, mission):
+    writer = journal(folder, mission)
+    for time_s in (1.0, 2.0):
+        writer.save(snapshot(mission, time_s), now=True)
+    for path in folder.path.glob("coverage.*"):
+        path.write_bytes(b"\0" * 100)
+    assert journal(folder, mission).load() == (None, "no checkpoint is readable: starts afresh")
+
+
+def test_generations_go_on_after_a_restart(folder, mission):
+    for time_s in (1.0, 2.0, 3.0):
+        journal(folder, mission).save(snapshot(mission, time_s), now=True)
+        assert journal(folder, mission).load()[0].mission_time_s == time_s
+
+
+def test_another_mission_of_the_same_name_is_not_resumed(folder, mission):
+    journal(folder, mission).save(snapshot(mission), now=True)
+    found, text = journal(folder, small_mission(time_limit_s=5.0)).load()
+    assert found is None
+    assert "another version of this mission" in text
+
+
+def test_a_finished_mission_starts_afresh_and_says_so(folder, mission):
+    journal(folder, mission).save(snapshot(mission, finished=True), now=True)
+    assert journal(folder, mission).load() == (None, "the mission was finished: starts afresh")
+
+
+def test_it_is_written_once_a_second(folder, mission):
+    now = 0.0
+    writer = journal(folder, mission, monotonic=lambda: now)
+    for now in (10.0, 10.5, 10.9, 11.0, 11.5):
+        writer.save(snapshot(mission, now), now=False)
+    assert journal(folder, mission).load()[0].mission_time_s == 11.0
+
+
+def test_a_disk_that_is_full_is_told_and_the_older_one_stays(folder, mission, monkeypatch):
+    writer = journal(folder, mission)
+    writer.save(snapshot(mission, 1.0), now=True)
+
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(state_directory.os, "fsync", full)
+    problem = writer.save(snapshot(mission, 2.0), now=True)
+    assert problem == "the checkpoint cannot be written: No space left on device; control goes on"
+    monkeypatch.undo()
+    assert journal(folder, mission).load()[0].mission_time_s == 1.0
+    assert writer.save(snapshot(mission, 3.0), now=True) is None
+    assert journal(folder, mission).load()[0].mission_time_s == 3.0
+
+
+def test_epochs_only_grow(tmp_path):
+    for epoch in (1, 2, 3):
+        with StateDirectory(tmp_path) as folder:
+            assert folder.next_epoch() == epoch
+
+
+@pytest.mark.parametrize("content", ["", "seven", "\xff"])
+def test_a_damaged_counter_is_no_guess(tmp_path, content):
+    (tmp_path / "epoch").write_text(content, encoding="utf-8")
+    with StateDirectory(tmp_path) as folder, pytest.raises(StateError, match="is damaged"):
+        folder.next_epoch()
+
+
+def test_a_second_controller_is_told_of_the_first(folder):
+    with pytest.raises(StateError, match="another controller uses it"):
+        StateDirectory(folder.path)
+
+
+def test_a_killed_holder_lets_go_of_the_lock(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from mpc_cover.service.state_directory import StateDirectory\n"
+        "held = StateDirectory(Path(sys.argv[1])); print('held', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as holder:
+        assert holder.stdout.readline() == b"held\n"
+        with pytest.raises(StateError):
+            StateDirectory(tmp_path)
+        holder.kill()
+        holder.wait()
+        StateDirectory(tmp_path).close()
+
+
+def test_a_place_that_cannot_be_one(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StateError, match="cannot be used"):
+        StateDirectory(tmp_path / "file" / "state")

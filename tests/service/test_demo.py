@@ -1,0 +1,169 @@
+"""Real processes over real Zenoh: they fly, survive each other, and never outlive the demo."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from service_fakes import small_mission, until
+
+from mpc_cover.trajectory import load_trajectory
+from mpc_cover.verification.check import check_trajectory
+
+
+class Demo:
+    """A `mpc-cover demo` under watch."""
+
+    def __init__(self, tmp_path, mission, *options):
+        self.folder = tmp_path / "run"
+        mission_file = tmp_path / "mission.yaml"
+        mission_file.write_text(mission.to_json())
+        self._out, self._err = tmp_path / "out", tmp_path / "err"
+        command = [sys.executable, "-m", "mpc_cover", "demo", str(mission_file), "--out", str(self.folder), "--json"]
+        with self._out.open("wb") as out, self._err.open("wb") as err:
+            self.process = subprocess.Popen([*command, *options], stdout=out, stderr=err, cwd=tmp_path)
+
+    @property
+    def said(self) -> str:
+        return self._err.read_text()
+
+    def wait_for(self, text: str) -> None:
+        until(lambda: text in self.said or self.process.poll() is not None, 60.0)
+        assert text in self.said, self.said
+
+    def pids(self) -> dict[str, int]:
+        self.wait_for("processes: ")
+        line = next(line for line in self.said.splitlines() if line.startswith("processes: "))
+        pids = {name: int(pid) for name, pid in re.findall(r"(\w+) (\d+)", line)}
+        if again := re.findall(r"started again \((\d+)\)", self.said):
+            pids["controller"] = int(again[-1])
+        return pids
+
+    def end(self, status: int) -> dict:
+        """Wait for the end, all children's too; return the summary printed."""
+        assert self.process.wait(60.0) == status, self.said
+        until(lambda: not any(alive(pid) for pid in self.pids().values()))
+        return json.loads(self._out.read_text())
+
+    def stop(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+
+
+def alive(pid: int) -> bool:
+    try:
+        return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+@pytest.fixture
+def start(tmp_path):
+    started = []
+
+    def start(mission, *options):
+        started.append(Demo(tmp_path, mission, *options))
+        return started[-1]
+
+    yield start
+    for demo in started:
+        demo.stop()
+
+
+def holds(folder) -> bool:
+    return check_trajectory(load_trajectory(folder / "trajectory.npz")).holds
+
+
+def test_a_mission_from_end_to_end(start):
+    demo = start(small_mission(), "--speed", "4", "--seed", "7")
+    summary = demo.end(0)
+    assert summary["covered_percent"] == 100.0
+    assert summary["outcome"] == "everything is covered"
+    assert summary["step_times"]["steps"] > 0
+    names = {path.name for path in demo.folder.iterdir()}
+    assert {"trajectory.npz", "step_times.npz", "summary.json", "mission.json", "overview.png", "logs"} <= names
+    trajectory = load_trajectory(demo.folder / "trajectory.npz")
+    assert check_trajectory(trajectory).holds
+    assert trajectory.meta["kind"] == "demo"
+    assert (trajectory.meta["seed"], trajectory.meta["speed"]) == (7, 4.0)
+    assert json.loads((demo.folder / "summary.json").read_text())["holds"]
+
+
+def test_the_controller_is_killed_and_its_successor_finishes(start):
+    demo = start(small_mission(height=9.0, horizon_steps=5), "--speed", "2")
+    demo.wait_for("controller: flying")
+    os.kill(demo.pids()["controller"], signal.SIGKILL)
+    summary = demo.end(0)
+    assert summary["controller_restarts"] == 1
+    assert summary["covered_percent"] == 100.0
+    assert "the controller died (exit status -9): the agents finish their plans" in demo.said
+    assert "epoch 2" in demo.said
+    assert holds(demo.folder)
+
+
+@pytest.mark.parametrize(
+    "moment",
+    [
+        pytest.param("run folder", marks=pytest.mark.slow),
+        pytest.param("processes: ", marks=pytest.mark.slow),
+        pytest.param("plans thoroughly", marks=pytest.mark.slow),
+        "controller: flying",
+    ],
+)
+def test_ctrl_c_ends_everything_and_leaves_what_was_flown(start, moment):
+    demo = start(small_mission(height=9.0))
+    demo.wait_for(moment)
+    demo.process.send_signal(signal.SIGINT)
+    if moment == "run folder":
+        assert demo.process.wait(60.0) == 130
+    else:
+        assert demo.end(130)["outcome"] == "interrupted"
+    assert json.loads((demo.folder / "summary.json").read_text())["outcome"] == "interrupted"
+    if moment == "controller: flying":
+        assert holds(demo.folder)
+
+
+def test_a_killed_demo_takes_its_children_along(start):
+    demo = start(small_mission(height=9.0))
+    demo.wait_for("controller: flying")
+    pids = demo.pids()
+    demo.process.kill()
+    until(lambda: not any(alive(pid) for pid in pids.values()))
+
+
+def test_a_dead_agent_ends_the_demo(start):
+    demo = start(small_mission(height=9.0))
+    demo.wait_for("controller: flying")
+    os.kill(demo.pids()["a2"], signal.SIGKILL)
+    summary = demo.end(1)
+    assert summary["outcome"] == "a2 died"
+    assert holds(demo.folder)
+
+
+@pytest.mark.slow
+def test_a_stopped_controller_goes_on_where_its_agents_are(start):
+    demo = start(small_mission(height=9.0, horizon_steps=5), "--speed", "2")
+    demo.wait_for("controller: flying")
+    pid = demo.pids()["controller"]
+    os.kill(pid, signal.SIGSTOP)
+    with pytest.raises(subprocess.TimeoutExpired):
+        demo.process.wait(4.0)
+    os.kill(pid, signal.SIGCONT)
+    assert demo.end(0)["covered_percent"] == 100.0
+    assert holds(demo.folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("backend", ["piqp", "clarabel", "osqp"])
+def test_box_3(start, backend):
+    from mpc_cover.mission.load import load_mission  # noqa: PLC0415 - only here
+
+    summary = start(load_mission("box-3"), "--backend", backend).end(0)
+    assert summary["covered_percent"] >= 95.0
+    assert summary["holds"]
+    assert summary["step_times"]["p99_ms"] < 500.0

@@ -1,0 +1,155 @@
+"""The trajectory is what the agents flew, to the last digits."""
+
+import numpy as np
+import pytest
+from service_fakes import straight_plan
+
+from mpc_cover.errors import UnreadableFileError, UserError
+from mpc_cover.service import bus
+from mpc_cover.service.messages import encode
+from mpc_cover.service.recorder import FileRecorder, Header, MemoryRecorder, read_record
+from mpc_cover.service.recording import merge
+from mpc_cover.verification.check import check_trajectory
+
+
+@pytest.fixture
+def flown(bench):
+    """Return the records of two agents of which the second starts 0.13 s later."""
+    agents = [bench.agent("a1"), bench.agent("a2")]
+    bench.run(seconds=0.25)
+    for agent, start_s in zip(agents, (100.5, 100.63), strict=True):
+        publisher = bench.bus.join().publisher(bench.keys.plan(agent.id), bus.PLAN)
+        publisher.publish(encode(straight_plan(agent, start_s)))
+    bench.run(seconds=10.0)
+    for agent in agents:
+        agent.shutdown()
+    return [bench.records[name].pieces for name in ("a1", "a2")]
+
+
+def test_it_starts_with_the_first_plan_and_ends_at_rest(mission, flown):
+    trajectory = merge(mission, flown, {"kind": "demo"})
+    assert trajectory.time[0] == 0.0
+    assert not trajectory.velocity[0].any()
+    assert trajectory.time[-1] == pytest.approx(2.13)
+    assert np.abs(trajectory.velocity[-1]).max() < 1e-9
+    assert 0.13 in np.round(trajectory.time, 6)
+    assert check_trajectory(trajectory).holds
+
+
+def test_the_motion_follows_from_its_inputs_exactly(mission, flown):
+    trajectory = merge(mission, flown, {})
+    dt = np.diff(trajectory.time)[:, None, None]
+    velocity = trajectory.velocity[:-1] + dt * trajectory.input
+    position = trajectory.position[:-1] + dt * trajectory.velocity[:-1] + 0.5 * dt**2 * trajectory.input
+    np.testing.assert_allclose(velocity, trajectory.velocity[1:], atol=1e-9)
+    np.testing.assert_allclose(position, trajectory.position[1:], atol=1e-9)
+    np.testing.assert_array_equal(np.unique(np.round(trajectory.input, 12)), [-0.4, 0.0, 0.8])
+
+
+def test_a_record_that_ends_early_ends_the_trajectory(mission, flown):
+    cut = next(index for index, piece in enumerate(flown[1]) if piece.time_s > 101.0)
+    trajectory = merge(mission, [flown[0], flown[1][:cut]], {})
+    assert trajectory.time[-1] == pytest.approx(flown[1][cut - 1].time_s - 100.5)
+    assert trajectory.velocity[-1].any()
+
+
+def test_nobody_flew(mission, bench):
+    agents = [bench.agent("a1"), bench.agent("a2")]
+    bench.run(seconds=1.0)
+    for agent in agents:
+        agent.shutdown()
+    trajectory = merge(mission, [bench.records[name].pieces for name in ("a1", "a2")], {})
+    assert trajectory.time[0] == 0.0
+    assert not trajectory.velocity.any()
+    assert check_trajectory(trajectory).holds
+
+
+def test_no_record_is_told(mission, flown):
+    with pytest.raises(UnreadableFileError, match="no motion was recorded of a2"):
+        merge(mission, [flown[0], []], {})
+
+
+def test_records_without_a_common_time_are_told(mission, flown):
+    early, late = flown[0][:5], flown[1][-5:]
+    with pytest.raises(UnreadableFileError, match="no time in common"):
+        merge(mission, [early, late], {})
+
+
+@pytest.fixture
+def file(tmp_path, flown):
+    path = tmp_path / "a1.jsonl"
+    recorder = FileRecorder(path, Header("a1", "life", "small"), print)
+    for piece in flown[0][:-1]:
+        recorder.piece(
+            piece.time_s, np.array(piece.position), np.array(piece.velocity), np.array(piece.input), piece.plan
+        )
+    last = flown[0][-1]
+    recorder.close(last.time_s, np.array(last.position), np.array(last.velocity))
+    return path
+
+
+def test_what_is_written_is_read(file, flown):
+    header, pieces = read_record(file)
+    assert (header.agent, header.instance) == ("a1", "life")
+    assert pieces == flown[0]
+
+
+def test_a_torn_last_line_is_dropped(file, flown):
+    data = file.read_bytes()
+    file.write_bytes(data[:-7])
+    assert read_record(file)[1] == flown[0][:-1]
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"junk\njunk\n", b'{"agent":"a1"}\n', b'{"agent":"a","instance":"i","mission":"m"}\n[1]\n']
+)
+def test_what_is_no_record_is_told(tmp_path, content):
+    path = tmp_path / "a1.jsonl"
+    path.write_bytes(content)
+    with pytest.raises(UnreadableFileError, match="is not an agent's record"):
+        read_record(path)
+
+
+def test_a_missing_record_is_told(tmp_path):
+    with pytest.raises(UnreadableFileError, match="cannot be read"):
+        read_record(tmp_path / "none.jsonl")
+
+
+def test_a_record_that_cannot_be_begun_is_told(tmp_path):
+    with pytest.raises(UserError, match="cannot be written"):
+        FileRecorder(tmp_path / "no" / "a1.jsonl", Header("a1", "life", "small"), print)
+
+
+def test_a_full_disk_ends_the_record_but_not_the_agent():
+    said = []
+    recorder = FileRecorder(Full(), Header("a1", "life", "small"), said.append)
+    for _ in range(3):
+        recorder.piece(0.0, np.zeros(2), np.zeros(2), np.zeros(2), None)
+    recorder.close(1.0, np.zeros(2), np.zeros(2))
+    assert len(said) == 1
+    assert "No space left on device" in said[0]
+
+
+class Full:
+    """A file of a disk that is full after the header."""
+
+    def __init__(self):
+        self.lines = 0
+
+    def open(self, _mode, *, buffering):
+        assert buffering == 0
+        return self
+
+    def write(self, _data):
+        self.lines += 1
+        if self.lines > 1:
+            raise OSError(28, "No space left on device")
+
+    def close(self):
+        pass
+
+
+def test_a_recorder_in_memory_keeps_the_plan_flown():
+    recorder = MemoryRecorder()
+    recorder.piece(0.0, np.zeros(2), np.zeros(2), np.ones(2), None)
+    assert recorder.pieces[0].input == [1.0, 1.0]
