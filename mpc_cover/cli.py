@@ -255,7 +255,7 @@ def plot(
 def main() -> None:
     """Run the command line; the entry point of `mpc-cover`."""
     try:
-        app()
+        app(prog_name="mpc-cover")
     except UserError as error:
         sys.stderr.write(f"mpc-cover: {error}\n")
         sys.exit(USER_ERROR)

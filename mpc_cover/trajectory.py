@@ -79,6 +79,8 @@ def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
         raise UserError(f"trajectory {path}: cannot be written: {getattr(error, 'strerror', None) or error}") from None
 
 
+_LARGEST = 1e9
+"""Beyond it nothing is a motion, and squares of it may overflow [s, m, m/s, m/s^2]."""
 _ZIP = b"PK"
 _FLOATS = ("time", "position", "velocity", "input", "cell", "covered_at")
 
@@ -160,10 +162,12 @@ def _shape_problems(arrays: dict[str, FloatArray], data: dict[str, Any], mission
 def _value_problems(arrays: dict[str, FloatArray]) -> list[Problem]:
     problems = []
     for name in ("time", "position", "velocity", "input", "cell"):
-        bad = ~np.isfinite(arrays[name])
+        bad = ~(np.abs(arrays[name]) <= _LARGEST)
         if bad.any():
             where = tuple(int(i) for i in np.argwhere(bad)[0])
-            problems.append(Problem(f"{name}{list(where)}", float(arrays[name][where]), "must be finite"))
+            problems.append(
+                Problem(f"{name}{list(where)}", float(arrays[name][where]), f"must be finite and at most {_LARGEST:g}")
+            )
     covered_at = arrays["covered_at"]
     if (bad := np.isnan(covered_at) | (covered_at == -np.inf)).any():
         index = int(np.argmax(bad))

@@ -173,7 +173,7 @@ def test_another_archive_says_what_it_lacks(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["time", "position", "velocity", "input", "cell"])
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
 def test_a_number_that_is_not_finite_is_named(saved, tmp_path, name, bad):
     data = contents(saved)
     index = tuple(size - 2 if size > 2 else 0 for size in data[name].shape)

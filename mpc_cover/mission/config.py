@@ -68,6 +68,19 @@ class PolygonShape(Model):
     holes_m: tuple[Annotated[tuple[Point, ...], Field(min_length=3)], ...] = ()
 
 
+class WeightMap(Model):
+    """Cell weights from an array (`.npy`) or an image (grey: black 0 to white 1), stretched over W's bounding box.
+
+    Arrays are indexed [x, y] from the lower corner; images are seen as printed, y upward. Cells of weight 0
+    need not be measured.
+    """
+
+    file: str | None = None
+    """Relative to the mission file; what it holds takes the place of `values` when the mission is read."""
+    values: Annotated[tuple[tuple[NonNegative, ...], ...], Field(min_length=1)] | None = None
+    """Rows along x, columns along y."""
+
+
 Shape = Annotated[BoxShape | DiscShape | PolygonShape, Field(discriminator="kind")]
 
 
@@ -80,6 +93,8 @@ class Area(Model):
     """Lower corner of the box that agents stay in (3.14); default: W's bounding box."""
     motion_max_m: Point | None = None
     """Upper corner of the box that agents stay in (3.13); default: W's bounding box."""
+    weights: WeightMap | None = None
+    """How much each cell matters; left out, all the same."""
 
 
 Radius = Positive | Annotated[dict[Name, Positive], Field(min_length=1)]
@@ -93,6 +108,11 @@ class AgentSpec(Model):
     sensing_radius_m: Radius | None = None
     input_max_m_per_s2: Positive | None = None
     speed_max_m_per_s: Positive | None = None
+    mass_kg: Positive | None = None
+    force_max_n: Positive | None = None
+    """With `mass_kg`, another way to bound the input: force over mass (3.1 with a mass other than one)."""
+    end_m: Point | None = None
+    """Where a plan with `planning.end: fixed` ends."""
 
 
 class AgentDefaults(Model):
@@ -101,6 +121,8 @@ class AgentDefaults(Model):
     sensing_radius_m: Radius | None = None
     input_max_m_per_s2: Positive | None = None
     speed_max_m_per_s: Positive | None = None
+    mass_kg: Positive | None = None
+    force_max_n: Positive | None = None
 
 
 class FleetSpec(Model):
@@ -112,6 +134,10 @@ class FleetSpec(Model):
     """rho_B of (4.18); 0 switches collision avoidance off."""
     communication_range_m: Positive | None = None
     """rho_C of (4.20); left out, connectivity is not asked for."""
+    links: tuple[tuple[Name, Name], ...] = ()
+    """Pairs that always stay within range of each other: fixed topology (4.19)."""
+    faults_tolerated: Annotated[int, Field(ge=0)] = 0
+    """h: everything is covered even if any h agents fail from the start (robustness, section 4.1)."""
 
 
 class Control(Model):
@@ -134,6 +160,10 @@ class Planning(Model):
     """One offline solve (`mpc-cover plan`)."""
 
     duration_s: Positive = 15.0
+    start: Literal["fixed", "free"] = "fixed"
+    """Whether plans start at rest at `start_m`, or wherever and however suits them (3.15)."""
+    end: Literal["rest", "free", "fixed", "closed"] = "rest"
+    """At rest anywhere, in any state, at rest at `end_m`, or in the state that the plan starts from."""
 
 
 class MissionSpec(Model):

@@ -23,12 +23,14 @@ class Field:
     cell : (K, d) centroids [m], row-major from the lower corner.
     cell_size : edge of a cell [m].
     shape_min, shape_max : (d,) bounding box of W [m].
+    weight : (K,) how much each cell matters, >= 0; 1 by default.
     """
 
     cell: FloatArray
     cell_size: float
     shape_min: FloatArray
     shape_max: FloatArray
+    weight: FloatArray
 
     @property
     def size(self) -> int:
@@ -83,4 +85,15 @@ def build_field(area: Area) -> Field:
         count = max(1, int(np.ceil((high - low) / size - 1e-9)))
         axes.append(np.minimum(low + (np.arange(count) + 0.5) * size, high))
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-    return Field(grid[contains(area.shape, grid)], size, lower, upper)
+    cell = grid[contains(area.shape, grid)]
+    return Field(cell, size, lower, upper, cell_weights(area, cell, lower, upper))
+
+
+def cell_weights(area: Area, cell: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return (K,): the weight map's value at each centroid, the map stretched over the box from `lower` to `upper`."""
+    if area.weights is None or not area.weights.values:
+        return np.ones(cell.shape[0])
+    table = np.array(area.weights.values)
+    place = (cell[:, :2] - lower[:2]) / (upper[:2] - lower[:2])
+    index = np.clip((place * table.shape).astype(int), 0, np.array(table.shape) - 1)
+    return np.asarray(table[index[:, 0], index[:, 1]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,10 +22,12 @@ class Fleet:
     ids : agent ids, in the order of every array's agent axis.
     start : (m, d) [m], at rest.
     input_max, speed_max : (m,) [m/s^2], [m/s]  (3.11, 3.12).
-    radius : (m, J) [m]; -inf where agent i cannot measure magnitude j  (4.29).
+    radius : (m, J) [m]; -inf where agent i cannot measure magnitude j  (4.29). When h faults are tolerated, each
+        magnitude stands here once for every set of m - h agents, measured by these alone (section 4.1).
     separation_min : rho_B [m] (4.18); 0 when not asked for.
     communication_range : rho_C [m] (4.20); inf when not asked for.
     motion_min, motion_max : (d,) [m]  (3.13, 3.14).
+    links : pairs (i, j) that always stay within `communication_range` (4.19).
     """
 
     ids: tuple[str, ...]
@@ -36,6 +39,7 @@ class Fleet:
     communication_range: float
     motion_min: FloatArray
     motion_max: FloatArray
+    links: tuple[tuple[int, int], ...] = ()
 
     @property
     def size(self) -> int:
@@ -62,18 +66,41 @@ def agent_radii(spec: MissionSpec, agent: AgentSpec) -> FloatArray:
     return np.full(len(spec.magnitudes), float(radius))  # type: ignore[arg-type]
 
 
+def agent_input_max(spec: MissionSpec, agent: AgentSpec) -> float | None:
+    """Return the bound on an agent's input [m/s^2], given or as force over mass; None where neither is given."""
+    given = agent_value(spec, agent, "input_max_m_per_s2")
+    if isinstance(given, float):
+        return given
+    mass, force = agent_value(spec, agent, "mass_kg"), agent_value(spec, agent, "force_max_n")
+    return force / mass if isinstance(mass, float) and isinstance(force, float) else None
+
+
+def surviving_radii(radius: FloatArray, faults: int) -> FloatArray:
+    """Return (m, J C(m, m-h)): each magnitude once for every set of m - h agents that may be left (section 4.1)."""
+    agents = radius.shape[0]
+    columns = []
+    for magnitude in range(radius.shape[1]):
+        for left in combinations(range(agents), agents - faults):
+            column = np.full(agents, -np.inf)
+            column[list(left)] = radius[list(left), magnitude]
+            columns.append(column)
+    return np.stack(columns, axis=1)
+
+
 def build_fleet(spec: MissionSpec, motion_min: FloatArray, motion_max: FloatArray) -> Fleet:
     """Return the fleet of a mission that `validation` has passed."""
     agents = spec.fleet.agents
     reach = spec.fleet.communication_range_m
+    index = {agent.id: i for i, agent in enumerate(agents)}
     return Fleet(
         ids=tuple(agent.id for agent in agents),
         start=np.array([agent.start_m for agent in agents], dtype=float),
-        input_max=np.array([agent_value(spec, a, "input_max_m_per_s2") for a in agents], dtype=float),
+        input_max=np.array([agent_input_max(spec, a) for a in agents], dtype=float),
         speed_max=np.array([agent_value(spec, a, "speed_max_m_per_s") for a in agents], dtype=float),
-        radius=np.array([agent_radii(spec, a) for a in agents]),
+        radius=surviving_radii(np.array([agent_radii(spec, a) for a in agents]), spec.fleet.faults_tolerated),
         separation_min=spec.fleet.separation_min_m,
         communication_range=np.inf if reach is None else reach,
         motion_min=motion_min,
         motion_max=motion_max,
+        links=tuple((index[a], index[b]) for a, b in spec.fleet.links),
     )

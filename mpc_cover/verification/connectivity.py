@@ -38,9 +38,14 @@ def widest_bottleneck(path: Path, *, limit: float = np.inf, resolution: float = 
     The value is never below the true one. It is above it by at most `resolution` [m], or, where that is more,
     by a hundredth of its distance to `limit` [m], and by more only when the bounds on the work are reached.
     """
-    first, second = path.pair
-    if first.size == 0:
+    if path.position.shape[1] < 2:  # noqa: PLR2004 - a pair
         return None
+    pieces = (_widest(piece, limit, resolution) for piece in path.pieces())
+    return max(pieces, key=lambda distance: distance.value)
+
+
+def _widest(path: Path, limit: float, resolution: float) -> Distance:
+    first, second = path.pair
     agents = path.position.shape[1]
     a, b, c = path.relative()
     # Bezier points: the parabola lies in their hull, so no point of it is farther than the farthest of them

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from mpc_cover.arrays import FloatArray, IntArray
+
+
+_PIECE = 200_000
+"""Intervals times pairs that are worked on at once: tens of megabytes, however long the path."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +42,15 @@ class Path:
     def pair(self) -> tuple[IntArray, IntArray]:
         """The (P,) first and (P,) second agent of each pair, P = m (m - 1) / 2."""
         return np.triu_indices(self.position.shape[1], k=1)
+
+    def pieces(self) -> Iterator[Path]:
+        """Yield the path in pieces, each beginning where the one before ends."""
+        intervals, agents = self.force.shape[:2]
+        length = max(1, _PIECE // (agents * agents))
+        for begin in range(0, intervals, length):
+            end = min(begin + length, intervals)
+            samples = slice(begin, end + 1)
+            yield Path(self.time[samples], self.position[samples], self.velocity[samples], self.force[begin:end])
 
     def relative(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (a, b, c), each (T-1, P, d) [m]: a pair is at a + b s + c s^2 from each other, s in [0, 1]."""

@@ -37,9 +37,13 @@ def smallest_separation(path: Path) -> Distance | None:
     Intervals that cannot hold the minimum, by a lower bound on their distance, are left out; the
     minimum is the true one all the same.
     """
-    first, second = path.pair
-    if first.size == 0:
+    if path.position.shape[1] < 2:  # noqa: PLR2004 - a pair
         return None
+    return min((_smallest(piece) for piece in path.pieces()), key=lambda distance: distance.value)
+
+
+def _smallest(path: Path) -> Distance:
+    first, second = path.pair
     a, b, c = path.relative()
     nodes = np.linalg.norm(np.concatenate([a, (a + b + c)[-1:]]), axis=-1)
     node, pair = np.unravel_index(int(np.argmin(nodes)), nodes.shape)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from mpc_cover.verification.motion import verify_motion
+from mpc_cover.verification.path import Path
 from mpc_cover.verification.report import Check, Report
 
 
@@ -158,6 +159,17 @@ def test_tiny_intervals_are_fine(flight):
     position, velocity = propagate(flight.position[0], force, time)
     report = verify_motion(flight.mission.fleet, time, position, velocity, force, at_rest=True)
     assert report.holds, report.first_failure
+
+
+def test_a_long_path_in_pieces_gives_the_same_report(flight, monkeypatch):
+    whole = verify(flight)
+    assert len(list(Path(flight.time, flight.position, flight.velocity, flight.input).pieces())) == 1
+    monkeypatch.setattr("mpc_cover.verification.path._PIECE", 7 * 9)
+    pieces = list(Path(flight.time, flight.position, flight.velocity, flight.input).pieces())
+    assert len(pieces) == 7
+    assert pieces[0].time[-1] == pieces[1].time[0]
+    assert pieces[-1].time[-1] == flight.time[-1]
+    assert verify(flight) == whole
 
 
 def test_what_is_not_asked_for_is_not_reported(flight):
