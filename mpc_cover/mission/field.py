@@ -23,7 +23,7 @@ class Field:
     cell : (K, d) centroids [m], row-major from the lower corner.
     cell_size : edge of a cell [m].
     shape_min, shape_max : (d,) bounding box of W [m].
-    weight : (K,) how much each cell matters, >= 0; 1 by default.
+    weight : (K,) how much each cell matters, > 0; 1 by default. Cells of weight 0 are no cells.
     """
 
     cell: FloatArray
@@ -86,7 +86,8 @@ def build_field(area: Area) -> Field:
         axes.append(np.minimum(low + (np.arange(count) + 0.5) * size, high))
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
     cell = grid[contains(area.shape, grid)]
-    return Field(cell, size, lower, upper, cell_weights(area, cell, lower, upper))
+    weight = cell_weights(area, cell, lower, upper)
+    return Field(cell[weight > 0.0], size, lower, upper, weight[weight > 0.0])
 
 
 def cell_weights(area: Area, cell: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from mpc_cover.mission.config import MissionSpec
 from mpc_cover.mission.field import Field, bounding_box, build_field
 from mpc_cover.mission.fleet import Fleet, build_fleet
 from mpc_cover.mission.validation import find_problems
+from mpc_cover.mission.weights import with_weights
 from mpc_cover.mission.wording import problems_of
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ def load_mission(path: str | Path) -> Mission:
     except Exception as error:  # noqa: BLE001 - besides its own, PyYAML lets through what its constructors raise
         detail = " ".join(str(error).split())
         raise UnreadableFileError(f"mission {path}: is not valid YAML: {detail}") from None
-    return build_mission(raw, f"mission {path}")
+    return build_mission(with_weights(raw, file.parent, f"mission {path}"), f"mission {path}")
 
 
 def mission_from_json(text: str, what: str) -> Mission:

@@ -10,15 +10,15 @@ import numpy as np
 from mpc_cover.errors import Problem
 from mpc_cover.mission.config import BoxShape, PolygonShape
 from mpc_cover.mission.field import bounding_box, build_field
-from mpc_cover.mission.fleet import agent_value
+from mpc_cover.mission.fleet import agent_input_max, agent_value
+from mpc_cover.mission.planning_rules import planning_problems, topology_problems
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mpc_cover.mission.config import MissionSpec
+    from mpc_cover.mission.config import AgentSpec, Area, MissionSpec
 
 MAX_CELLS = 200_000
-MAX_PLAN_STEPS = 2_000
 
 
 def find_problems(spec: MissionSpec, *, area_known: bool = True) -> list[Problem]:
@@ -28,7 +28,8 @@ def find_problems(spec: MissionSpec, *, area_known: bool = True) -> list[Problem
     """
     shape = list(_shape_problems(spec))
     area = [*shape, *([] if shape else _area_problems(spec))] if area_known else []
-    return [*area, *_agent_problems(spec), *_fleet_problems(spec), *_control_problems(spec)]
+    fleet = [*_agent_problems(spec), *_fleet_problems(spec), *topology_problems(spec)]
+    return [*area, *fleet, *_control_problems(spec), *planning_problems(spec)]
 
 
 def _shape_problems(spec: MissionSpec) -> Iterator[Problem]:
@@ -57,7 +58,9 @@ def _area_problems(spec: MissionSpec) -> Iterator[Problem]:
     if count > MAX_CELLS:
         yield Problem("area.cell_size_m", area.cell_size_m, f"gives {count:.6g} cells, must give at most {MAX_CELLS}")
         return
-    if build_field(area).size == 0:
+    weights = list(_weight_problems(area))
+    yield from weights
+    if not weights and build_field(area).size == 0:
         yield Problem("area.shape", area.shape.kind, "holds no cell centroid: a larger shape or smaller cells")
     low = area.motion_min_m or tuple(lower)
     high = area.motion_max_m or tuple(upper)
@@ -75,6 +78,19 @@ def _area_problems(spec: MissionSpec) -> Iterator[Problem]:
             yield Problem(path, agent.start_m, f"must lie between {low} and {high}, where agents may move")
 
 
+def _weight_problems(area: Area) -> Iterator[Problem]:
+    weights = area.weights
+    if weights is None:
+        return
+    if weights.values is None:
+        right = "must be given here, or in a file beside a mission file that names it in area.weights.file"
+        yield Problem("area.weights.values", None, right)
+    elif weights.file is not None:
+        yield Problem("area.weights.file", weights.file, "and values are both given: give one of them")
+    elif len({len(row) for row in weights.values}) > 1 or not weights.values[0]:
+        yield Problem("area.weights.values", weights.values, "must have rows of equal length, at least one value each")
+
+
 def _agent_problems(spec: MissionSpec) -> Iterator[Problem]:
     seen: dict[str, int] = {}
     measured: set[str] = set()
@@ -83,9 +99,10 @@ def _agent_problems(spec: MissionSpec) -> Iterator[Problem]:
         if agent.id in seen:
             yield Problem(f"{where}.id", agent.id, f"is already the id of fleet.agents.{seen[agent.id]}")
         seen[agent.id] = index
-        for name in ("sensing_radius_m", "input_max_m_per_s2", "speed_max_m_per_s"):
+        for name in ("sensing_radius_m", "speed_max_m_per_s"):
             if agent_value(spec, agent, name) is None:
                 yield Problem(f"{where}.{name}", None, f"is missing: give it here or in fleet.defaults.{name}")
+        yield from _input_problems(spec, agent, where)
         radius = agent_value(spec, agent, "sensing_radius_m")
         if isinstance(radius, dict):
             measured |= set(radius)
@@ -104,6 +121,14 @@ def _magnitude_problems(spec: MissionSpec, measured: set[str]) -> Iterator[Probl
     for name in dict.fromkeys(spec.magnitudes):
         if name not in measured:
             yield Problem("magnitudes", name, "is measured by no agent: give one a sensing radius for it")
+
+
+def _input_problems(spec: MissionSpec, agent: AgentSpec, where: str) -> Iterator[Problem]:
+    path = f"{where}.input_max_m_per_s2"
+    if agent.input_max_m_per_s2 is not None and agent.force_max_n is not None:
+        yield Problem(path, agent.input_max_m_per_s2, "and force_max_n are both given: give one of them")
+    elif agent_input_max(spec, agent) is None:
+        yield Problem(path, None, "is missing: give it, or mass_kg and force_max_n, here or in fleet.defaults")
 
 
 def _fleet_problems(spec: MissionSpec) -> Iterator[Problem]:
@@ -141,8 +166,8 @@ def _control_problems(spec: MissionSpec) -> Iterator[Problem]:
     control = spec.control
     for index, agent in enumerate(spec.fleet.agents):
         speed = agent_value(spec, agent, "speed_max_m_per_s")
-        limit = agent_value(spec, agent, "input_max_m_per_s2")
-        if not isinstance(speed, float) or not isinstance(limit, float):
+        limit = agent_input_max(spec, agent)
+        if not isinstance(speed, float) or limit is None:
             continue
         braking = int(np.ceil(speed / (limit * control.period_s) - 1e-9))
         if control.horizon_steps < braking + 2:
@@ -152,9 +177,3 @@ def _control_problems(spec: MissionSpec) -> Iterator[Problem]:
     if control.state_period_s > control.period_s:
         right = f"must be at most period_s {control.period_s}"
         yield Problem("control.state_period_s", control.state_period_s, right)
-    if spec.planning.duration_s < 2 * control.period_s:
-        right = f"must be at least two periods of {control.period_s} s"
-        yield Problem("planning.duration_s", spec.planning.duration_s, right)
-    if spec.planning.duration_s > MAX_PLAN_STEPS * control.period_s:
-        right = f"must be at most {MAX_PLAN_STEPS} periods of {control.period_s} s"
-        yield Problem("planning.duration_s", spec.planning.duration_s, right)

@@ -6,7 +6,8 @@ import pytest
 from mission_files import REMOVE, changed, mistakes, raw_mission
 
 from mpc_cover.mission.load import build_mission
-from mpc_cover.mission.validation import MAX_CELLS, MAX_PLAN_STEPS
+from mpc_cover.mission.planning_rules import MAX_PLAN_STEPS
+from mpc_cover.mission.validation import MAX_CELLS
 
 POLYGON = {"kind": "polygon", "outline_m": [[0, 0], [10, 0], [10, 10], [0, 10]]}
 SPATIAL = {"kind": "polygon", "outline_m": [[0, 0, 0], [9, 0], [9, 9]]}
