@@ -27,6 +27,7 @@ class Fleet:
     separation_min : rho_B [m] (4.18); 0 when not asked for.
     communication_range : rho_C [m] (4.20); inf when not asked for.
     motion_min, motion_max : (d,) [m]  (3.13, 3.14).
+    magnitudes : a name for each column of `radius`.
     links : pairs (i, j) that always stay within `communication_range` (4.19).
     """
 
@@ -39,6 +40,7 @@ class Fleet:
     communication_range: float
     motion_min: FloatArray
     motion_max: FloatArray
+    magnitudes: tuple[str, ...] = ("coverage",)
     links: tuple[tuple[int, int], ...] = ()
 
     @property
@@ -76,15 +78,25 @@ def agent_input_max(spec: MissionSpec, agent: AgentSpec) -> float | None:
 
 
 def surviving_radii(radius: FloatArray, faults: int) -> FloatArray:
-    """Return (m, J C(m, m-h)): each magnitude once for every set of m - h agents that may be left (section 4.1)."""
+    """Return (m, J C(m, h)): each magnitude once for every set of h agents that may fail (section 4.1)."""
     agents = radius.shape[0]
     columns = []
     for magnitude in range(radius.shape[1]):
-        for left in combinations(range(agents), agents - faults):
-            column = np.full(agents, -np.inf)
-            column[list(left)] = radius[list(left), magnitude]
+        for lost in combinations(range(agents), faults):
+            column = radius[:, magnitude].copy()
+            column[list(lost)] = -np.inf
             columns.append(column)
     return np.stack(columns, axis=1)
+
+
+def surviving_names(spec: MissionSpec) -> tuple[str, ...]:
+    """Return a name for each column of `surviving_radii`."""
+    ids = [agent.id for agent in spec.fleet.agents]
+    return tuple(
+        f"{name} without {', '.join(lost)}" if lost else name
+        for name in spec.magnitudes
+        for lost in combinations(ids, spec.fleet.faults_tolerated)
+    )
 
 
 def build_fleet(spec: MissionSpec, motion_min: FloatArray, motion_max: FloatArray) -> Fleet:
@@ -102,5 +114,6 @@ def build_fleet(spec: MissionSpec, motion_min: FloatArray, motion_max: FloatArra
         communication_range=np.inf if reach is None else reach,
         motion_min=motion_min,
         motion_max=motion_max,
+        magnitudes=surviving_names(spec),
         links=tuple((index[a], index[b]) for a, b in spec.fleet.links),
     )

@@ -67,7 +67,7 @@ class FileJournal:
     ) -> None:
         self._folder = folder
         self._mission = mission_hash(mission)
-        self._shape = (len(mission.spec.magnitudes), mission.field.size)
+        self._shape = (len(mission.fleet.magnitudes), mission.field.size)
         self._monotonic = monotonic
         self._due_s = -np.inf
         self._kept = self._read()

@@ -90,7 +90,7 @@ def _panels(trajectory: Trajectory, step_times: FloatArray | None) -> dict[str, 
 
 def _magnitudes(trajectory: Trajectory) -> list[tuple[int, str]]:
     """Return (index, name) of each magnitude where there are several."""
-    names = trajectory.mission.spec.magnitudes
+    names = trajectory.mission.fleet.magnitudes
     return list(enumerate(names)) if len(names) > 1 else []
 
 
