@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from flights import fleet_of
 
+from mpc_cover.constraints.boundary import Ends
 from mpc_cover.coverage.majoriser import Softness
 from mpc_cover.model.motion import roll_out
 from mpc_cover.planning.follow import follow
@@ -55,7 +56,8 @@ def random_window(seed: int, steps: int = 6, agents: int = 3, dimension: int = 2
     goals = [np.clip(q + shift, 0.5, 7.5)[None] for q in start]
     still = np.zeros_like(start)
     flight = follow(goals, start, still, fleet, PERIOD, steps=steps)
-    return Window(fleet, cell, weight, start, still, steps, PERIOD, None, still), flight.decision
+    ends = Ends(start_position=start, start_velocity=still, end_velocity=still)
+    return Window(fleet, cell, weight, steps, PERIOD, ends), flight.decision
 
 
 def settings(beta: float = 4.0, margin: float = 0.1) -> Settings:

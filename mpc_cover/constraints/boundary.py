@@ -1,7 +1,8 @@
-"""Bounds on single variables: the motion box (4.15, 4.16), the trust region, and the end state (4.17)."""
+"""Bounds on single variables: the motion box (4.15, 4.16), the trust region, and both ends (4.17)."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,32 +13,55 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
 
 
-def bound_rows(
-    layout: Layout,
-    position: FloatArray,
-    box: tuple[FloatArray, FloatArray],
-    trust: float,
-    end_position: FloatArray | None,
-    end_velocity: FloatArray,
-) -> Rows:
-    """Return bounds on all positions, and equalities for the end.
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """What is asked of the first and the last state, (m, d) each; None where they are free.
 
-    `position` is the iterate (N+1, m, d) [m], which `trust` [m] keeps near; `box` the corners (d,) [m];
-    `end_position` (m, d) [m] or None when it is free; `end_velocity` (m, d) [m/s], zero for an end at rest.
-    An iterate outside the box may stay where it is, but goes no farther out.
+    `closed` asks for z(N) = z(0), as repeated surveillance needs (3.15).
     """
-    iterate = position[1:]
-    lower = np.maximum(iterate - trust, np.minimum(box[0], iterate))
-    upper = np.minimum(iterate + trust, np.maximum(box[1], iterate))
+
+    start_position: FloatArray | None = None
+    start_velocity: FloatArray | None = None
+    end_position: FloatArray | None = None
+    end_velocity: FloatArray | None = None
+    closed: bool = False
+
+
+def bound_rows(
+    layout: Layout, position: FloatArray, box: tuple[FloatArray, FloatArray], trust: float, ends: Ends
+) -> list[Rows]:
+    """Return bounds on all positions, and the equalities of the ends.
+
+    `position` is the iterate (N+1, m, d) [m], which `trust` [m] keeps near; `box` the corners (d,) [m]. An
+    iterate outside the box may stay where it is, but goes no farther out.
+    """
+    lower = np.maximum(position - trust, np.minimum(box[0], position))
+    upper = np.minimum(position + trust, np.maximum(box[1], position))
     stage = layout.agents * layout.dimension
-    if end_position is not None:
-        lower[-1] = upper[-1] = end_position
-    column = np.concatenate([np.arange(layout.half), layout.size - stage + np.arange(stage)])
-    end = end_velocity.ravel()
-    return Rows(
-        row=np.arange(column.size),
-        column=column,
-        value=np.ones(column.size),
-        lower=np.concatenate([lower.ravel(), end]),
-        upper=np.concatenate([upper.ravel(), end]),
-    )
+    if ends.start_position is not None:
+        lower[0] = upper[0] = ends.start_position
+    if ends.end_position is not None:
+        lower[-1] = upper[-1] = ends.end_position
+    blocks = [_fixed(np.arange(layout.half), lower.ravel(), upper.ravel())]
+    for first, velocity in ((layout.half, ends.start_velocity), (layout.size - stage, ends.end_velocity)):
+        if velocity is not None:
+            blocks.append(_fixed(first + np.arange(stage), velocity.ravel(), velocity.ravel()))
+    if ends.closed:
+        blocks.append(_closed(layout))
+    return blocks
+
+
+def _fixed(column: np.ndarray, lower: FloatArray, upper: FloatArray) -> Rows:
+    return Rows(np.arange(column.size), column, np.ones(column.size), lower, upper.copy())
+
+
+def _closed(layout: Layout) -> Rows:
+    """Return z(N) - z(0) = 0."""
+    stage = layout.agents * layout.dimension
+    each = np.arange(stage)
+    begin = np.concatenate([each, layout.half + each])
+    end = begin + layout.half - stage
+    zero = np.zeros(2 * stage)
+    one = np.ones(2 * stage)
+    row = np.tile(np.arange(2 * stage), 2)
+    return Rows(row, np.concatenate([end, begin]), np.concatenate([one, -one]), zero, zero.copy())

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def collision_rows(
-    layout: Layout, pairs: PairDistances, required: FloatArray, between: FloatArray, reach: float
+    layout: Layout, pairs: PairDistances, required: FloatArray, between: FloatArray, reach: float, first: int = 1
 ) -> Rows:
     """Return nbar . (q_i - q_j) >= required + between at both ends of each interval in which it could bind.
 
@@ -26,6 +26,7 @@ def collision_rows(
     required : (pairs,) rho_B and a margin [m].
     between : (pairs,) a_rel T_s^2 / 8 [m].
     reach : how much a distance may change within the trust region [m]; farther pairs need no row.
+    first : the first sample that is not given.
     """
     middle = pairs.difference[:-1] + pairs.difference[1:]
     length = np.linalg.norm(middle, axis=2)
@@ -37,7 +38,7 @@ def collision_rows(
     normal = np.where(norm > 1e-9, direction / np.maximum(norm, 1e-12), np.eye(layout.dimension)[0])  # noqa: PLR2004
     sample = np.concatenate([interval, interval + 1])
     both_pair, both_normal = np.tile(pair, 2), np.tile(normal, (2, 1))
-    free = sample > 0
+    free = sample >= first
     sample, both_pair, both_normal = sample[free], both_pair[free], both_normal[free]
     reached = np.einsum("rd,rd->r", both_normal, pairs.difference[sample, both_pair])
     wanted = required[both_pair] + between[both_pair]

@@ -8,14 +8,22 @@ import numpy as np
 
 from mpc_cover.constraints.facets import Facets, turned_normals
 from mpc_cover.constraints.graph import minimum_spanning_trees
-from mpc_cover.constraints.pairs import PairDistances, elastic_pair_rows
+from mpc_cover.constraints.pairs import PairDistances, elastic_pair_rows, linked_pairs
 
 if TYPE_CHECKING:
     from mpc_cover.constraints.rows import Layout, Rows
 
 
 def connectivity_rows(
-    layout: Layout, pairs: PairDistances, allowed: float, between: float, reach: float, facets: Facets
+    layout: Layout,
+    pairs: PairDistances,
+    allowed: float,
+    between: float,
+    reach: float,
+    facets: Facets,
+    *,
+    links: tuple[tuple[int, int], ...] = (),
+    first: int = 1,
 ) -> Rows:
     """Return ||q_i - q_j|| <= allowed for the tree's edges as inner polytopes turned towards the iterate.
 
@@ -28,12 +36,15 @@ def connectivity_rows(
     allowed : rho_C less a margin [m].
     between : what a path may leave its chord by, taken off where the iterate has that much room [m].
     reach : how much a distance may change within the trust region [m]; facets farther away need no row.
+    links : further pairs that are kept always: fixed topology (4.19).
+    first : the first sample that is not given.
     """
     tree = minimum_spanning_trees(pairs.most, layout.agents)
     held = np.zeros((layout.steps + 1, tree.shape[1]), dtype=bool)
     held[1:] |= tree
     held[:-1] |= tree
-    held[0] = False  # sample 0 is given
+    held[:, linked_pairs(layout.agents, links)] = True
+    held[:first] = False
     sample, pair = np.nonzero(held)
     difference = pairs.difference[sample, pair]
     length = pairs.sampled[sample, pair]

@@ -24,6 +24,13 @@ def all_pairs(agents: int) -> tuple[IntArray, IntArray]:
     return first, second
 
 
+@lru_cache(maxsize=32)
+def linked_pairs(agents: int, links: tuple[tuple[int, int], ...]) -> IntArray:
+    """Return the indices in `all_pairs` of links (i, j) given in any order."""
+    number = {pair: index for index, pair in enumerate(zip(*(p.tolist() for p in all_pairs(agents)), strict=True))}
+    return np.array(sorted({number[min(link), max(link)] for link in links}), dtype=np.intp)
+
+
 @dataclass(frozen=True, eq=False)
 class PairDistances:
     """Distances of all pairs along the continuous motion, sampled densely.
@@ -67,7 +74,7 @@ def elastic_pair_rows(
 ) -> Rows:
     """Return rows normal . (q_i - q_j)(sample) - s <= upper.
 
-    `sample` (rows,), counted from 1; `pair` (rows,) indices into `all_pairs`; `normal` (rows, d);
+    `sample` (rows,); `pair` (rows,) indices into `all_pairs`; `normal` (rows, d);
     `upper` (rows,) [m]; `slack` (rows,) number of the slack of each row.
     """
     first, second = all_pairs(layout.agents)

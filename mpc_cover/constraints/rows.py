@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Layout:
-    """Columns of positions and velocities at samples 1 to N of m agents in d dimensions.
+    """Columns of positions and velocities at samples 0 to N of m agents in d dimensions.
 
     All positions come first, then all velocities; within each, sample by sample and agent by agent.
     Inputs are eliminated: u(n) = (v(n+1) - v(n)) / T_s under a zero-order hold.
@@ -29,7 +29,7 @@ class Layout:
     @property
     def half(self) -> int:
         """Number of position columns, and of velocity columns."""
-        return self.steps * self.agents * self.dimension
+        return (self.steps + 1) * self.agents * self.dimension
 
     @property
     def size(self) -> int:
@@ -37,11 +37,11 @@ class Layout:
         return 2 * self.half
 
     def position(self, sample: IntArray | int, agent: IntArray | int) -> IntArray:
-        """Return the column of the first coordinate of q_agent(sample), sample >= 1."""
-        return np.asarray(((np.asarray(sample) - 1) * self.agents + agent) * self.dimension, dtype=np.intp)
+        """Return the column of the first coordinate of q_agent(sample)."""
+        return np.asarray((np.asarray(sample) * self.agents + agent) * self.dimension, dtype=np.intp)
 
     def velocity(self, sample: IntArray | int, agent: IntArray | int) -> IntArray:
-        """Return the column of the first coordinate of v_agent(sample), sample >= 1."""
+        """Return the column of the first coordinate of v_agent(sample)."""
         return self.half + self.position(sample, agent)
 
 

@@ -11,6 +11,8 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mpc_cover.control.fallback import Rung, brake_plan, shifted_plan
 from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
 from mpc_cover.information.coverage_map import CoverageMap
@@ -101,7 +103,7 @@ class RecedingHorizon:
         return self._result(begun, deadline, *self._next(start, reason))
 
     def _task(self, start: Start) -> Task:
-        weight = self.coverage.owed.astype(float)
+        weight = self.coverage.owed * self._mission.field.weight
         cell = self._mission.field.cell
         return Task(self._mission.fleet, cell, weight, start.position, start.velocity, start.time, self._period)
 
@@ -121,16 +123,16 @@ class RecedingHorizon:
         stretch = stretch_steps(whole, self._mission)
         weight = self._left_by(whole.position[stretch + 1 :])
         window = stretch_window(whole, self._mission, weight, stretch, stretch)
-        x = whole.velocity[1 : stretch + 1].ravel()
+        x = window.decision(whole.position[0], whole.velocity[: stretch + 1])
         now = self._engine.judge(window, x)
         sooner = int(now.cost == 0.0 and stretch > 2)  # noqa: PLR2004 - nothing to be gained from less
         if sooner:
             window = stretch_window(whole, self._mission, weight, stretch, stretch - 1)
-            x = resampled(whole.velocity[: stretch + 1], stretch - 1)[1:].ravel()
+            x = window.decision(whole.position[0], resampled(whole.velocity[: stretch + 1], stretch - 1))
         found = self._engine.polish(window, x, _QPS, _share_of(deadline))
         better = found.cost == 0.0 if sooner else found.cost < now.cost
         if found.feasible and better:
-            plan = spliced(whole, found.x, stretch, stretch - sooner)
+            plan = spliced(whole, window.motion(found.x)[1], stretch)
             if self._verified(plan, start):
                 return plan, "a sample sooner" if sooner else "more coverage"
         return whole, "no sample sooner" if sooner else "no better"
@@ -140,7 +142,7 @@ class RecedingHorizon:
         owed = self.coverage.owed
         for position in later:
             owed = owed & ~measured(position, self._mission.field.cell, self._mission.fleet.radius)
-        return owed.astype(float)
+        return np.asarray(owed * self._mission.field.weight)
 
     def _next(self, start: Start, reason: str) -> tuple[Plan, Rung, str]:
         """Cut the horizon out of the mission plan, end it at rest, verify it; else go down the ladder."""

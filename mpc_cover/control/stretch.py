@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.constraints.boundary import Ends
 from mpc_cover.control.fallback import brake, plan_from_velocities
 from mpc_cover.planning.window import Window
 
@@ -47,23 +48,18 @@ def stretch_window(whole: Plan, mission: Mission, weight: FloatArray, stretch: i
     the stretch has to cover.
     """
     last = stretch == whole.steps
-    return Window(
-        fleet=mission.fleet,
-        cell=mission.field.cell,
-        weight=weight,
-        position=whole.position[0],
-        velocity=whole.velocity[0],
-        steps=steps,
-        period=whole.period,
+    ends = Ends(
+        start_position=whole.position[0],
+        start_velocity=whole.velocity[0],
         end_position=None if last else whole.position[stretch],
         end_velocity=whole.velocity[stretch],
     )
+    return Window(mission.fleet, mission.field.cell, weight, steps, whole.period, ends)
 
 
-def spliced(whole: Plan, x: FloatArray, stretch: int, steps: int) -> Plan:
-    """Return the mission plan with its first `stretch` samples replaced by the `steps` velocities in `x`."""
-    first = x.reshape(steps, *whole.velocity.shape[1:])
-    later = np.concatenate([first, whole.velocity[stretch + 1 :]])
+def spliced(whole: Plan, velocity: FloatArray, stretch: int) -> Plan:
+    """Return the mission plan with its samples up to `stretch` replaced by `velocity` (n+1, m, d) [m/s]."""
+    later = np.concatenate([velocity[1:], whole.velocity[stretch + 1 :]])
     return plan_from_velocities(whole.position[0], whole.velocity[0], later, whole.start_time, whole.period)
 
 

@@ -31,8 +31,8 @@ class Motion:
 
     @property
     def decision(self) -> FloatArray:
-        """The SQP's decision vector: velocities at samples 1 to N, flat."""
-        return self.velocity[1:].ravel()
+        """The SQP's decision vector: positions at sample 0 and all velocities, flat."""
+        return np.concatenate([self.position[0].ravel(), self.velocity.ravel()])
 
 
 def follow(
@@ -43,13 +43,14 @@ def follow(
     period: float,
     *,
     steps: int | None = None,
+    stop: bool = True,
     max_steps: int = 2000,
 ) -> Motion:
     """Fly each agent along its (W_i, d) waypoints [m] and come to rest at the last.
 
-    With `steps` the motion has that many and is at rest at the end, arrived or not; without, it is as long as
-    the last arrival needs. An agent turns to the next waypoint at the distance in which it could stop
-    sideways. Start at (m, d) `position` [m] and `velocity` [m/s]; inputs stay within their limits unless the
+    With `steps` the motion has that many and is at rest at the end, arrived or not (unless `stop` is false);
+    without, it is as long as the last arrival needs. An agent turns to the next waypoint at the distance in
+    which it could stop. Start at (m, d) `position` [m] and `velocity` [m/s]; inputs stay within their limits unless the
     start's velocity leaves no choice.
     """
     count = fleet.size
@@ -77,7 +78,7 @@ def follow(
             break
         u = _control(error, distance, v, index == ends, speed, force, period)
         u = _stay_inside(q, v, u, fleet, force, period)
-        if steps is not None:
+        if steps is not None and stop:
             u = _in_time(v, u, force, period, total - n)
         q, v = q + period * v + 0.5 * period**2 * u, v + period * u
         qs.append(q)

@@ -37,8 +37,20 @@ def plan_mission(
         problem = Problem("planning.duration_s", mission.spec.planning.duration_s, "must be at least two periods")
         raise InvalidInputError(f"mission {mission.spec.name}", [problem])
     start = mission.fleet.start
-    weight = np.ones((mission.fleet.radius.shape[1], mission.field.size))
-    task = Task(mission.fleet, mission.field.cell, weight, start, np.zeros_like(start), 0.0, period)
+    weight = np.tile(mission.field.weight, (mission.fleet.radius.shape[1], 1))
+    planning = mission.spec.planning
+    task = Task(
+        mission.fleet,
+        mission.field.cell,
+        weight,
+        start,
+        np.zeros_like(start),
+        0.0,
+        period,
+        start_free=planning.start == "free",
+        end=planning.end,
+        goal=np.array([agent.end_m for agent in mission.spec.fleet.agents]) if planning.end == "fixed" else None,
+    )
     found = engine.fixed(task, steps, deadline)
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps separation and connectivity")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from mpc_cover.constraints.boundary import Ends
 from mpc_cover.model.sensing import measured
 from mpc_cover.planning.continuation import SHARPNESS, Refined, judge, refine
 from mpc_cover.planning.follow import Motion, follow
@@ -41,6 +42,9 @@ class Task:
     position, velocity : (m, d) [m], [m/s].
     start_time : mission time of sample 0 [s].
     period : T_s [s].
+    start_free : whether plans may start elsewhere; `position` is then a hint.
+    end : at "rest" anywhere, "free", "fixed" (at rest at `goal`), or "closed" (in the state of the start).
+    goal : (m, d) [m], for a fixed end.
     """
 
     fleet: Fleet
@@ -50,11 +54,20 @@ class Task:
     velocity: FloatArray
     start_time: float
     period: float
+    start_free: bool = False
+    end: Literal["rest", "free", "fixed", "closed"] = "rest"
+    goal: FloatArray | None = None
 
     def window(self, steps: int) -> Window:
-        """Return the stretch of `steps` samples that ends at rest, anywhere."""
-        rest = np.zeros_like(self.velocity)
-        return Window(self.fleet, self.cell, self.weight, self.position, self.velocity, steps, self.period, None, rest)
+        """Return the stretch of `steps` samples with the ends that are asked for."""
+        ends = Ends(
+            start_position=None if self.start_free else self.position,
+            start_velocity=None if self.start_free else self.velocity,
+            end_position=self.goal if self.end == "fixed" else None,
+            end_velocity=np.zeros_like(self.velocity) if self.end in {"rest", "fixed"} else None,
+            closed=self.end == "closed",
+        )
+        return Window(self.fleet, self.cell, self.weight, steps, self.period, ends)
 
     def plan(self, window: Window, x: FloatArray) -> Plan:
         """Return the plan of a decision vector."""
@@ -127,7 +140,7 @@ def _extended(task: Task, candidate: Candidate, backend: Backend, deadline: floa
 def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:
     velocity = np.concatenate([first.plan.velocity, second.plan.velocity[1:]])
     window = task.window(velocity.shape[0] - 1)
-    judged = judge(window, velocity[1:].ravel())
+    judged = judge(window, window.decision(first.plan.position[0], velocity))
     return Candidate(task.plan(window, judged.x), judged.cost, judged.feasible, f"{first.kind}, then {second.kind}")
 
 
@@ -142,15 +155,14 @@ def _owed_after(task: Task, plan: Plan) -> FloatArray:
 def plan_for(task: Task, backend: Backend, steps: int, *, starts: int = 3, deadline: float | None = None) -> Candidate:
     """Return the best plan of exactly `steps` samples from several starts; anytime."""
     window = task.window(steps)
-    flights = [(guess, _fly(task, guess, steps)) for guess in _guesses(task)]
-    flights.sort(key=lambda item: judge(window, item[1].decision).cost)
+    flown = [(guess.kind, window.exact_ends(_fly(task, guess, steps).decision)) for guess in _guesses(task)]
+    flown.sort(key=lambda item: judge(window, item[1]).cost)
     still = _fly(task, rest_guess(task.position), steps)
-    tried: list[tuple[str, Refined]] = [("rest", judge(window, still.decision))]
-    for guess, flight in flights[:starts]:
+    tried: list[tuple[str, Refined]] = [("rest", judge(window, window.exact_ends(still.decision)))]
+    for kind, x in flown[:starts]:
         if _late(deadline):
             break
-        coarse = refine(window, flight.decision, backend, sharpness=COARSE, iterations=4, deadline=deadline)
-        tried.append((guess.kind, coarse))
+        tried.append((kind, refine(window, x, backend, sharpness=COARSE, iterations=4, deadline=deadline)))
     tried.sort(key=lambda item: (not item[1].feasible, item[1].cost))
     kind, best = tried[0]
     if not (best.feasible and best.cost == 0.0) and not _late(deadline):
@@ -168,7 +180,15 @@ def _guesses(task: Task) -> list[Guess]:
 
 
 def _fly(task: Task, guess: Guess, steps: int | None) -> Motion:
-    return follow(guess.paths, task.position, task.velocity, task.fleet, task.period, steps=steps)
+    """Fly a guess from the start, or from where it begins if that is free, to the end that is asked for."""
+    position, velocity, paths = task.position, task.velocity, guess.paths
+    if task.start_free:
+        position = np.array([path[0] for path in paths])
+    if task.end in {"fixed", "closed"}:
+        home = position if task.goal is None else task.goal
+        paths = [np.concatenate([path, goal[None]]) for path, goal in zip(paths, home, strict=True)]
+    stop = task.end != "free"
+    return follow(paths, position, velocity, task.fleet, task.period, steps=steps, stop=stop)
 
 
 def _as_flown(task: Task, guess: Guess, flight: Motion) -> Candidate:

@@ -1,7 +1,7 @@
 """The optimal coverage NLP (4.22, 4.34) in a form that `solvers.sqp` can convexify.
 
-The decision vector of the SQP holds the velocities at samples 1 to N. With the state at sample 0 they fix
-the inputs and positions exactly, so that every iterate satisfies the dynamics whatever the QP's tolerance.
+The decision vector of the SQP holds the positions at sample 0 and all velocities. They fix the inputs and the
+other positions exactly, so that every iterate satisfies the dynamics whatever the QP's tolerance.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.constraints.graph import minimum_spanning_trees
-from mpc_cover.constraints.pairs import pair_distances
+from mpc_cover.constraints.pairs import linked_pairs, pair_distances
 from mpc_cover.coverage.majoriser import soft_cost
 from mpc_cover.planning.subproblem import build_subproblem
 from mpc_cover.planning.window import requirements
@@ -49,11 +49,12 @@ class CoverageProblem:
         window, fleet = self.window, self.window.fleet
         limits = 1.0 - self.settings.margins.limits
         force = np.diff(velocity, axis=0) / window.period
+        free, given = position[window.first :], position[: window.first]
         over = [
-            np.linalg.norm(velocity[1:], axis=2) - limits * fleet.speed_max,
+            np.linalg.norm(velocity[window.first :], axis=2) - limits * fleet.speed_max,
             np.linalg.norm(force, axis=2) - limits * fleet.input_max,
-            position[1:] - np.maximum(fleet.motion_max, position[0]),
-            np.minimum(fleet.motion_min, position[0]) - position[1:],
+            free - np.maximum(fleet.motion_max, given.max(axis=0, initial=-np.inf)),
+            np.minimum(fleet.motion_min, given.min(axis=0, initial=np.inf)) - free,
         ]
         if fleet.size > 1:
             pairs = pair_distances(position, velocity, window.period)
@@ -61,5 +62,6 @@ class CoverageProblem:
                 over.append(self.requirements.separation - pairs.least)
             if np.isfinite(fleet.communication_range):
                 tree = minimum_spanning_trees(pairs.most, fleet.size)
+                tree[:, linked_pairs(fleet.size, fleet.links)] = True
                 over.append(np.where(tree, pairs.most - self.requirements.range, 0.0))
         return [np.maximum(part, 0.0) for part in over]

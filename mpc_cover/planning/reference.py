@@ -57,9 +57,9 @@ def build_reference(
 ) -> Reference:
     """Write down the convex subproblem around the decision vector `x`; arguments as in `build_subproblem`."""
     bar_q, bar_v = window.motion(x)
-    shape = window.position.shape
+    shape = window.fleet.start.shape
     force = [cp.Variable(shape) for _ in range(window.steps)]
-    position, velocity = [cp.Constant(window.position)], [cp.Constant(window.velocity)]
+    position, velocity = [cp.Variable(shape)], [cp.Variable(shape)]
     step = window.period
     constraints: list[Any] = []
     for u in force:
@@ -73,42 +73,46 @@ def build_reference(
     _add_coverage(found, window, settings, bar_q, radius)
     _add_pairs(found, window, settings, required, (bar_q, bar_v), radius)
     for bar, now in ((bar_q, position), (bar_v, velocity)):
-        change = cp.vstack([now[n] - bar[n] for n in range(1, window.steps + 1)])
+        change = cp.vstack([now[n] - bar[n] for n in range(window.steps + 1)])
         found.terms.append(0.5 * settings.proximal * cp.sum_squares(change))
     return found
 
 
 def _add_limits(found: Reference, window: Window, settings: Settings, bar_v: FloatArray) -> None:
     """Add polytopes inside the discs of speed and input (4.13, 4.14)."""
-    facets = inscribed(window.position.shape[1], settings.sides)
+    facets = inscribed(window.fleet.dimension, settings.sides)
     share = (1.0 - settings.margins.limits - settings.margins.solver) * facets.shrink
-    for n, u in enumerate(found.force):
-        speed = turned_normals(facets, bar_v[n + 1])
-        force = turned_normals(facets, bar_v[n + 1] - bar_v[n])
-        for i in range(window.fleet.size):
-            found.constraints += [
-                cp.abs(speed[i] @ found.velocity[n + 1][i]) <= share * window.fleet.speed_max[i],
-                cp.abs(force[i] @ u[i]) <= share * window.fleet.input_max[i],
-            ]
+    for i in range(window.fleet.size):
+        for n in range(window.first, window.steps + 1):
+            speed = turned_normals(facets, bar_v[n])[i]
+            found.constraints.append(cp.abs(speed @ found.velocity[n][i]) <= share * window.fleet.speed_max[i])
+        for n, u in enumerate(found.force):
+            force = turned_normals(facets, bar_v[n + 1] - bar_v[n])[i]
+            found.constraints.append(cp.abs(force @ u[i]) <= share * window.fleet.input_max[i])
 
 
 def _add_bounds(found: Reference, window: Window, bar_q: FloatArray, radius: float) -> None:
     """Add the motion box (4.15, 4.16), the trust region and the end (4.17)."""
-    fleet = window.fleet
-    for n in range(1, window.steps + 1):
-        if n == window.steps and window.end_position is not None:
-            found.constraints.append(found.position[n] == window.end_position)
+    fleet, ends = window.fleet, window.ends
+    given = {0: ends.start_position, window.steps: ends.end_position}
+    for n in range(window.steps + 1):
+        if given.get(n) is not None:
+            found.constraints.append(found.position[n] == given[n])
             continue
         lower = np.maximum(bar_q[n] - radius, np.minimum(fleet.motion_min, bar_q[n]))
         upper = np.minimum(bar_q[n] + radius, np.maximum(fleet.motion_max, bar_q[n]))
         found.constraints += [found.position[n] >= lower, found.position[n] <= upper]
-    found.constraints.append(found.velocity[window.steps] == window.end_velocity)
+    for n, velocity in ((0, ends.start_velocity), (window.steps, ends.end_velocity)):
+        if velocity is not None:
+            found.constraints.append(found.velocity[n] == velocity)
+    if ends.closed:
+        found.constraints += [found.position[-1] == found.position[0], found.velocity[-1] == found.velocity[0]]
 
 
 def _add_coverage(found: Reference, window: Window, settings: Settings, bar_q: FloatArray, radius: float) -> None:
     """Add sum gamma pos(level + sum slope . (q - qbar)), and the curvature of the terms above zero."""
     majoriser = build_majoriser(bar_q, window.cell, window.fleet.radius, window.weight, settings.softness)
-    agents, dimension = window.position.shape
+    agents, dimension = window.fleet.start.shape
     reach = radius * np.sqrt(dimension)
     moved = cp.vec(cp.vstack([found.position[n] - bar_q[n] for n in range(window.steps + 1)]), order="C")
     terms, count = majoriser.sample.shape
@@ -122,7 +126,6 @@ def _add_coverage(found: Reference, window: Window, settings: Settings, bar_q: F
     if near.size:
         found.terms.append(majoriser.weight[near] @ cp.pos(majoriser.level[near] + slope[near] @ moved))
     blocks = majoriser.curvature(majoriser.level > 0.0, (window.steps + 1) * agents)
-    blocks[:agents] = 0.0  # sample 0 is given
     found.terms.append(0.5 * cp.quad_form(moved, cp.psd_wrap(sp.block_diag(list(blocks), format="csc"))))
 
 
@@ -135,18 +138,21 @@ def _add_pairs(
     radius: float,
 ) -> None:
     """Add separation and connectivity with elastic half-spaces (4.18, 4.20)."""
-    fleet, layout = window.fleet, Layout(window.steps, *window.position.shape)
+    fleet, layout = window.fleet, Layout(window.steps, *window.fleet.start.shape)
     if fleet.size == 1:
         return
     pairs = pair_distances(*motion, window.period)
-    first, second = all_pairs(fleet.size)
-    between = (fleet.input_max[first] + fleet.input_max[second]) * window.period**2 / 8.0
+    one, two = all_pairs(fleet.size)
+    between = (fleet.input_max[one] + fleet.input_max[two]) * window.period**2 / 8.0
     reach = 2.0 * radius * float(np.sqrt(layout.dimension))
     if fleet.separation_min > 0.0:
-        _add_elastic(found, collision_rows(layout, pairs, required.separation, between, reach), settings.penalty)
+        rows = collision_rows(layout, pairs, required.separation, between, reach, window.first)
+        _add_elastic(found, rows, settings.penalty)
     if np.isfinite(fleet.communication_range):
         facets = inscribed(layout.dimension, settings.edge_sides)
-        rows = connectivity_rows(layout, pairs, required.range, 0.5 * float(between.max()), reach, facets)
+        slack = 0.5 * float(between.max())
+        first, links = window.first, fleet.links
+        rows = connectivity_rows(layout, pairs, required.range, slack, reach, facets, links=links, first=first)
         _add_elastic(found, rows, settings.penalty)
 
 
@@ -154,7 +160,7 @@ def _add_elastic(found: Reference, rows: Rows, penalty: float) -> None:
     """Charge each group of rows that shares a slack for the largest excess among them."""
     if rows.count == 0 or rows.elastic is None:
         return
-    stacked = cp.hstack([cp.vec(q, order="C") for q in found.position[1:]])
+    stacked = cp.hstack([cp.vec(q, order="C") for q in found.position])
     normal = sp.csr_array((rows.value, (rows.row, rows.column)), shape=(rows.count, stacked.size))
     slack = cp.Variable(rows.slacks, nonneg=True)
     found.constraints.append(normal @ stacked - slack[rows.elastic] <= rows.upper)

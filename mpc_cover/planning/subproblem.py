@@ -32,12 +32,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """The majoriser as the QP sees it, around the iterate's samples 1 to N.
+    """The majoriser as the QP sees it, around the iterate.
 
     Attributes
     ----------
-    linear : (N m, d) gradient of the terms that stay positive within the trust region.
-    curvature : (N m, d, d) positive semi-definite blocks.
+    linear : ((N+1) m, d) gradient of the terms that stay positive within the trust region.
+    curvature : ((N+1) m, d, d) positive semi-definite blocks.
     rows : slope . (q - qbar) - s <= -level, a row and a slack for each term near the edge of coverage.
     slack_cost : gamma of those terms.
     slack_value : their pos(level) at the iterate [m].
@@ -56,19 +56,15 @@ def coverage_terms(layout: Layout, position: FloatArray, majoriser: Majoriser, r
     reach = radius * np.sqrt(layout.dimension)  # slopes of a term sum to at most one
     far = majoriser.level > reach
     near = np.flatnonzero(np.abs(majoriser.level) <= reach)
-    linear = majoriser.gradient(far, samples)[layout.agents :]
-    curvature = majoriser.curvature(majoriser.level > 0.0, samples)[layout.agents :]
+    linear = majoriser.gradient(far, samples)
+    curvature = majoriser.curvature(majoriser.level > 0.0, samples)
     sample, slope = majoriser.sample[near], majoriser.slope[near]
-    free = sample >= layout.agents  # sample 0 is given
-    row = np.broadcast_to(np.arange(near.size)[:, None], sample.shape)[free]
-    axes = np.arange(layout.dimension)
-    column = ((sample[free] - layout.agents) * layout.dimension)[:, None] + axes
-    points = position.reshape(samples, layout.dimension)
-    here = np.einsum("rmd,rmd->r", slope * free[:, :, None], points[sample])
+    column = (sample * layout.dimension)[:, :, None] + np.arange(layout.dimension)
+    here = np.einsum("rmd,rmd->r", slope, position.reshape(samples, layout.dimension)[sample])
     rows = Rows(
-        row=np.repeat(row, layout.dimension),
+        row=np.repeat(np.arange(near.size), slope[0].size if near.size else 0),
         column=column.ravel(),
-        value=slope[free].ravel(),
+        value=slope.ravel(),
         lower=np.full(near.size, -np.inf),
         upper=here - majoriser.level[near],
         elastic=np.arange(near.size),
@@ -82,8 +78,8 @@ def motion_rows(window: Window, settings: Settings, layout: Layout, velocity: Fl
     facets = inscribed(layout.dimension, settings.sides)
     shrink = 1.0 - margins.limits - margins.solver
     return [
-        dynamics_rows(layout, window.position, window.velocity, window.period),
-        speed_rows(layout, velocity, shrink * window.fleet.speed_max, facets),
+        dynamics_rows(layout, window.period),
+        speed_rows(layout, velocity, shrink * window.fleet.speed_max, facets, window.first),
         input_rows(layout, velocity, shrink * window.fleet.input_max, window.period, facets),
     ]
 
@@ -101,15 +97,17 @@ def pair_rows(
     if fleet.size == 1:
         return []
     pairs = pair_distances(*motion, window.period)
-    first, second = all_pairs(fleet.size)
-    between = (fleet.input_max[first] + fleet.input_max[second]) * window.period**2 / 8.0
+    one, two = all_pairs(fleet.size)
+    between = (fleet.input_max[one] + fleet.input_max[two]) * window.period**2 / 8.0
     reach = 2.0 * radius * float(np.sqrt(layout.dimension))
     blocks = []
     if fleet.separation_min > 0.0:
-        blocks.append(collision_rows(layout, pairs, required.separation, between, reach))
+        blocks.append(collision_rows(layout, pairs, required.separation, between, reach, window.first))
     if np.isfinite(fleet.communication_range):
         facets = inscribed(layout.dimension, settings.edge_sides)
-        blocks.append(connectivity_rows(layout, pairs, required.range, 0.5 * float(between.max()), reach, facets))
+        slack = 0.5 * float(between.max())
+        first, links = window.first, fleet.links
+        blocks.append(connectivity_rows(layout, pairs, required.range, slack, reach, facets, links=links, first=first))
     return blocks
 
 
@@ -117,18 +115,18 @@ def build_subproblem(
     window: Window, settings: Settings, required: Requirements, x: FloatArray, radius: float
 ) -> ConvexModel:
     """Return the QP around the decision vector `x` with trust region `radius` [m]."""
-    layout = Layout(window.steps, *window.position.shape)
+    layout = Layout(window.steps, *window.fleet.start.shape)
     position, velocity = window.motion(x)
     majoriser = build_majoriser(position, window.cell, window.fleet.radius, window.weight, settings.softness)
     terms = coverage_terms(layout, position, majoriser, radius)
     box = (window.fleet.motion_min, window.fleet.motion_max)
     hard = motion_rows(window, settings, layout, velocity)
-    hard.append(bound_rows(layout, position, box, radius, window.end_position, window.end_velocity))
+    hard += bound_rows(layout, position, box, radius, window.ends)
     elastic = pair_rows(window, settings, required, layout, (position, velocity), radius)
     soft, slacks = _number_slacks([terms.rows, *elastic], layout.size)
     matrix, lower, upper = stack([*hard, *soft, _non_negative(layout.size, slacks)], layout.size + slacks)
     slack_cost = np.concatenate([terms.slack_cost, np.full(slacks - terms.slack_cost.size, settings.penalty)])
-    iterate = np.concatenate([position[1:].ravel(), velocity[1:].ravel()])
+    iterate = np.concatenate([position.ravel(), velocity.ravel()])
     quadratic, linear = _cost(layout, terms, iterate, slack_cost, settings.proximal)
     qp = QP(quadratic, linear, matrix, lower, upper)
     start = np.concatenate([iterate, _slack_values(matrix, upper, iterate, slacks)])
@@ -201,23 +199,14 @@ def _model(window: Window, layout: Layout, qp: QP, start: FloatArray, weight: fl
     here = cost(start)
 
     def recover(point: FloatArray) -> FloatArray:
-        return _exact_end(window, point[layout.half : layout.size])
+        start = layout.agents * layout.dimension
+        return window.exact_ends(np.concatenate([point[:start], point[layout.half : layout.size]]))
 
     def predicted(point: FloatArray) -> float:
         return here - cost(point)
 
     def length(x: FloatArray) -> float:
-        moved = window.motion(x)[0][1:].ravel() - start[: layout.half]
+        moved = window.motion(x)[0].ravel() - start[: layout.half]
         return float(np.abs(moved).max())
 
     return ConvexModel(qp=qp, recover=recover, predicted=predicted, weight=weight, start=start, length=length)
-
-
-def _exact_end(window: Window, x: FloatArray) -> FloatArray:
-    """Remove what the QP's tolerance leaves of the end conditions: least change of the velocities."""
-    velocity = x.reshape(window.steps, *window.velocity.shape).copy()
-    velocity[-1] = window.end_velocity
-    if window.end_position is not None and window.steps > 1:
-        position, _ = window.motion(velocity.ravel())
-        velocity[:-1] += (window.end_position - position[-1]) / (window.period * (window.steps - 1))
-    return velocity.ravel()

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.constraints.graph import bottleneck, minimum_spanning_trees
-from mpc_cover.constraints.pairs import pair_distances
+from mpc_cover.constraints.pairs import linked_pairs, pair_distances
 from mpc_cover.model.motion import roll_out
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
+    from mpc_cover.constraints.boundary import Ends
     from mpc_cover.coverage.majoriser import Softness
     from mpc_cover.mission.fleet import Fleet
 
@@ -36,35 +37,58 @@ class Margins:
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """What is given of a stretch of motion: the state it starts from and what its end must be.
+    """A stretch of motion to be planned, and what is asked of its ends.
 
     Attributes
     ----------
     fleet : limits, radii, ranges.
     cell : (K, d) [m].
     weight : (J, K) gamma, what is still owed.
-    position, velocity : (m, d) state at sample 0 [m], [m/s].
     steps : N.
     period : T_s [s].
-    end_position : (m, d) [m], or None when it is free.
-    end_velocity : (m, d) [m/s]; zero for an end at rest.
+    ends : states at sample 0 and N that are given, (m, d) [m], [m/s].
     """
 
     fleet: Fleet
     cell: FloatArray
     weight: FloatArray
-    position: FloatArray
-    velocity: FloatArray
     steps: int
     period: float
-    end_position: FloatArray | None
-    end_velocity: FloatArray
+    ends: Ends
+
+    @property
+    def first(self) -> int:
+        """The first sample that is not given: 1, or 0 when the start is free."""
+        return 0 if self.ends.start_position is None else 1
+
+    def decision(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Return the decision vector: the (m, d) `position` at sample 0 and the (N+1, m, d) velocities, flat."""
+        return np.concatenate([position.ravel(), velocity.ravel()])
 
     def motion(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions [m] and velocities [m/s], (N+1, m, d), from the velocities at samples 1 to N."""
-        velocity = np.concatenate([self.velocity[None], x.reshape(self.steps, *self.velocity.shape)])
-        position, _ = roll_out(self.position, self.velocity, np.diff(velocity, axis=0) / self.period, self.period)
+        """Return positions [m] and velocities [m/s], (N+1, m, d), of a decision vector: dynamics hold exactly."""
+        shape = self.fleet.start.shape
+        start = x[: self.fleet.start.size].reshape(shape)
+        velocity = x[self.fleet.start.size :].reshape(self.steps + 1, *shape)
+        position, _ = roll_out(start, velocity[0], np.diff(velocity, axis=0) / self.period, self.period)
         return position, velocity
+
+    def exact_ends(self, x: FloatArray) -> FloatArray:
+        """Return `x` with the ends exactly as asked: what a QP's tolerance leaves is spread over the velocities."""
+        ends, size = self.ends, self.fleet.start.size
+        start = x[:size].reshape(self.fleet.start.shape) if ends.start_position is None else ends.start_position
+        velocity = x[size:].reshape(self.steps + 1, *self.fleet.start.shape).copy()
+        if ends.start_velocity is not None:
+            velocity[0] = ends.start_velocity
+        if ends.closed:
+            velocity[-1] = velocity[0]
+        elif ends.end_velocity is not None:
+            velocity[-1] = ends.end_velocity
+        target = start if ends.closed else ends.end_position
+        if target is not None and self.steps > 1:
+            position, _ = self.motion(self.decision(start, velocity))
+            velocity[1:-1] += (target - position[-1]) / (self.period * (self.steps - 1))
+        return self.decision(start, velocity)
 
 
 @dataclass(frozen=True)
@@ -96,12 +120,17 @@ class Requirements:
 
 
 def requirements(window: Window, margins: Margins) -> Requirements:
-    """Relax the margins, never the constraints themselves, to what the window's start allows."""
-    fleet = window.fleet
-    still = np.repeat(window.position[None], 2, axis=0)
-    here = pair_distances(still, np.zeros_like(still), window.period).sampled[:1]
-    wanted = fleet.separation_min + margins.separation
-    separation = np.maximum(fleet.separation_min, np.minimum(wanted, here[0]))
-    longest = float(bottleneck(here, minimum_spanning_trees(here, fleet.size))[0])
-    reach = fleet.communication_range
-    return Requirements(separation, min(reach, max(reach - margins.connectivity, longest)))
+    """Relax the margins, never the constraints themselves, to what the window's given ends allow."""
+    fleet, reach = window.fleet, window.fleet.communication_range
+    separation = np.full(fleet.size * (fleet.size - 1) // 2, fleet.separation_min + margins.separation)
+    allowed = reach - margins.connectivity
+    for given in (window.ends.start_position, window.ends.end_position):
+        if given is None:
+            continue
+        still = np.repeat(given[None], 2, axis=0)
+        here = pair_distances(still, np.zeros_like(still), window.period).sampled[:1]
+        separation = np.maximum(fleet.separation_min, np.minimum(separation, here[0]))
+        held = minimum_spanning_trees(here, fleet.size)
+        held[:, linked_pairs(fleet.size, fleet.links)] = True
+        allowed = min(reach, max(allowed, float(bottleneck(here, held)[0])))
+    return Requirements(separation, allowed)

@@ -56,7 +56,7 @@ def draw_map(axes: Axes, trajectory: Trajectory, magnitude: int | None = None) -
 
 def _title(trajectory: Trajectory, magnitude: int | None) -> str:
     names = trajectory.mission.fleet.magnitudes
-    what = "Coverage" if magnitude is None else names[magnitude].capitalize() if "without" in names[magnitude] else f"Coverage of {names[magnitude]}"
+    what = "Coverage" if magnitude is None else f"Coverage of {names[magnitude]}"
     several = magnitude is None and len(names) > 1
     dark = f"the darker, the more of {len(names)} magnitudes owed" if several else "dark: never measured"
     flat = "; projected to x-y" if trajectory.mission.fleet.dimension > 2 else ""  # noqa: PLR2004 - space

@@ -13,7 +13,7 @@ from mpc_cover.constraints.collision import collision_rows
 from mpc_cover.constraints.connectivity import connectivity_rows
 from mpc_cover.constraints.facets import inscribed
 from mpc_cover.constraints.graph import bottleneck, minimum_spanning_trees
-from mpc_cover.constraints.pairs import all_pairs, pair_distances
+from mpc_cover.constraints.pairs import all_pairs, linked_pairs, pair_distances
 from mpc_cover.constraints.rows import Layout, stack
 
 
@@ -73,7 +73,7 @@ def test_pairs_that_cannot_meet_within_the_trust_region_have_no_row():
 def test_the_iterate_satisfies_its_own_rows_whenever_it_satisfies_the_constraints(seed, agents, dimension):
     bar = random_motion(np.random.default_rng(seed), 5, agents, dimension)
     layout, pairs = Layout(5, agents, dimension), pair_distances(*bar, PERIOD)
-    x = np.concatenate([bar[0][1:].ravel(), bar[1][1:].ravel()])
+    x = np.concatenate([bar[0].ravel(), bar[1].ravel()])
     longest = bottleneck(pairs.most, minimum_spanning_trees(pairs.most, agents)).max()
     rows = connectivity_rows(layout, pairs, longest + 1e-9, 0.1, 100.0, inscribed(dimension, 16))
     matrix, _, upper = stack([rows], layout.size)
@@ -88,7 +88,8 @@ def test_motions_that_satisfy_the_connectivity_rows_are_connected_at_the_samples
     allowed = float(bottleneck(pairs.most, minimum_spanning_trees(pairs.most, agents)).max()) + 0.2
     rows = connectivity_rows(layout, pairs, allowed, 0.0, 100.0, inscribed(2, 16))
     matrix, _, upper = stack([rows], layout.size)
-    moved = bar[0][1:] + rng.normal(scale=0.2, size=bar[0][1:].shape)
+    moved = bar[0] + rng.normal(scale=0.2, size=bar[0].shape)
+    moved[0] = bar[0][0]
     if (matrix @ np.concatenate([moved.ravel(), np.zeros(layout.half)]) <= upper).all():
         first, second = all_pairs(agents)
         length = np.linalg.norm(moved[:, first] - moved[:, second], axis=2)
@@ -106,6 +107,18 @@ def test_the_trees_are_those_of_scipy(seed, agents):
         theirs = minimum_spanning_tree(full).toarray()
         assert row[mine].sum() == pytest.approx(theirs.sum())
         assert mine.sum() == agents - 1
+
+
+def test_links_are_kept_whatever_the_tree():
+    """Fixed topology (4.19): the long edge of a triangle is in no tree, but it is a link."""
+    still = np.repeat(np.array([[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]]), 2, axis=0)
+    pairs, layout = pair_distances(still, np.zeros_like(still), PERIOD), Layout(1, 3, 2)
+    facets = inscribed(2, 8)
+    without = connectivity_rows(layout, pairs, 2.5, 0.0, 0.1, facets)
+    linked = connectivity_rows(layout, pairs, 2.0, 0.0, 0.1, facets, links=((2, 0),))
+    assert without.count == 0
+    assert linked.count > 0
+    assert linked_pairs(3, ((2, 0), (0, 1))).tolist() == [0, 1]
 
 
 def test_ties_go_to_the_lower_pair():

@@ -1,0 +1,117 @@
+"""Which cells are in range (5.3), from windows of the grid around each agent instead of all distances.
+
+Cells are a product of axes, so the squared distances of a window are sums of one number an axis; only what is
+within the radius is ever looked up. `python -m mpc_cover.studies.map_timing` prints the time of a step.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpc_cover.information.looks import Looks
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.mission.field import Field
+
+_TIE = 1e-9
+"""A cell at distance exactly rho is measured, whatever the last bit says [m]; as in `model.sensing`."""
+_FAR = 1e15
+"""Positions beyond this see nothing, and would not fit an index."""
+
+
+class Visibility:
+    """The visibility sets M of a fleet (5.3, 4.29) on the cells of W.
+
+    Parameters
+    ----------
+    field : the cells.
+    radius : (m, J) [m], -inf where an agent cannot measure a magnitude.
+
+    Raises
+    ------
+    ValueError
+        The cells are not those of a regular grid.
+    """
+
+    def __init__(self, field: Field, radius: FloatArray) -> None:
+        self._radius = np.asarray(radius, dtype=float)
+        self._reach = np.maximum(self._radius, -1.0) + _TIE
+        self._farthest = self._reach.max(axis=1, initial=-1.0)
+        self._lower, self._size = field.shape_min, field.cell_size
+        self._axes = _axes(field)
+        place = np.floor((field.cell - self._lower) / self._size + 1e-9).astype(np.intp)
+        count = np.array([axis.size for axis in self._axes])
+        on_grid = ((place >= 0) & (place < count)).all()
+        if not on_grid or not all(
+            np.allclose(axis[place[:, d]], field.cell[:, d], rtol=0.0, atol=1e-9 * self._size)
+            for d, axis in enumerate(self._axes)
+        ):
+            raise ValueError("field: cells must lie on the grid that starts in its lower corner")
+        self._number = np.full(count, -1, dtype=np.intp)
+        self._number[tuple(place.T)] = np.arange(field.size)
+        self._full = np.array_equal(self._number.reshape(-1), np.arange(field.size))
+        self._shape = (int(self._radius.shape[1]), field.size)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(J, K): magnitudes and cells."""
+        return self._shape
+
+    def looks(self, time_s: float, position: FloatArray, agent: IntArray | None = None) -> Looks:
+        """Return what agents (m,) at (m, d) positions [m] measure at a time [s]; NaN rows see nothing.
+
+        `agent` are indices into the fleet; left out, the rows are the whole fleet.
+        """
+        index = np.arange(position.shape[0]) if agent is None else agent
+        known = (np.abs(position) < _FAR).all(axis=1)
+        able = known & (self._farthest[index] > 0.0)
+        index = index[able]
+        row, cell, square = self._in_reach(position[able], self._farthest[index])
+        parts = [self._of_magnitude(j, index[row], cell, square) for j in range(self._shape[0])]
+        who, place, near, radius = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
+        return Looks(who, place, np.sqrt(near), radius, np.full(who.size, time_s))
+
+    def _of_magnitude(self, j: int, who: IntArray, cell: IntArray, square: FloatArray) -> tuple[Any, ...]:
+        """Return (agent, place, squared distance, radius) of the looks at magnitude j."""
+        if not (self._reach[:, j] == self._farthest).all():
+            reach = self._reach[who, j]
+            seen = (reach > 0.0) & (square <= reach**2)
+            who, cell, square = who[seen], cell[seen], square[seen]
+        return who, cell + j * self._shape[1] if j else cell, square, self._radius[who, j]
+
+    def _in_reach(self, position: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return (row, cell, squared distance [m^2]), each (n,), of the cells within (m,) `reach` [m]."""
+        agents, dimension = position.shape
+        if agents == 0:
+            return np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0)
+        lowest = np.clip((position - reach[:, None] - self._lower) / self._size - 1.0, -1e9, 1e9)
+        first = np.floor(lowest).astype(np.intp)  # one cell more: the last row may be pulled in
+        width = int(min(np.ceil(2.0 * reach.max() / self._size) + 3, max(self._number.shape)))
+        square: Any = 0.0
+        grid: Any = 0
+        for d, axis in enumerate(self._axes):
+            along = np.clip(first[:, d], 0, max(axis.size - width, 0))[:, None] + np.arange(min(width, axis.size))
+            spread = [agents, *[1] * dimension]
+            spread[1 + d] = along.shape[1]
+            square = square + ((axis[along] - position[:, d, None]) ** 2).reshape(spread)
+            grid = grid * axis.size + along.reshape(spread)
+        seen = square <= (reach**2).reshape(agents, *[1] * dimension)
+        row = np.repeat(np.arange(agents), np.count_nonzero(seen.reshape(agents, -1), axis=1))
+        cell, near = grid[seen], square[seen]
+        if self._full:
+            return row, cell, near
+        cell = self._number.reshape(-1)[cell]
+        real = cell >= 0  # the grid has places outside W
+        return row[real], cell[real], near[real]
+
+
+def _axes(field: Field) -> list[FloatArray]:
+    """Return the centroids' coordinates [m] along each axis, the last pulled in to the edge as in `build_field`."""
+    axes = []
+    for low, high in zip(field.shape_min, field.shape_max, strict=True):
+        count = max(1, int(np.ceil((high - low) / field.cell_size - 1e-9)))
+        axes.append(np.minimum(low + (np.arange(count) + 0.5) * field.cell_size, high))
+    return axes
