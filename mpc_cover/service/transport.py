@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 ATTEMPT_MS = 500
 """One attempt to connect; between two of them a signal is seen."""
-CLOSE_S = 2.0
+CLOSE_S = 30.0
 """A peer that hangs must not keep a process from ending [s]."""
 JSON = "application/json"
 

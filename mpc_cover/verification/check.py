@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.verification.coverage_claim import check_coverage
+from mpc_cover.verification.ends import check_plan_ends
 from mpc_cover.verification.motion import verify_motion
 from mpc_cover.verification.report import Check, Report
 
@@ -20,10 +21,12 @@ TOLERANCE = 1e-6
 def check_trajectory(trajectory: Trajectory) -> Report:
     """Verify a trajectory against the mission it carries.
 
-    The motion starts in the mission's start at rest, and a plan (meta["kind"]) ends at rest; the
-    coverage is recomputed from the positions at the samples.
+    The motion starts in the mission's start at rest; a plan (meta["kind"]) starts and ends as the
+    mission's `planning` asks. The coverage is recomputed from the positions at the samples.
     """
-    fleet = trajectory.mission.fleet
+    fleet, planning = trajectory.mission.fleet, trajectory.mission.spec.planning
+    planned = trajectory.meta.get("kind") == "plan"
+    free = planned and planning.start == "free"
     motion = verify_motion(
         fleet,
         trajectory.time,
@@ -31,10 +34,11 @@ def check_trajectory(trajectory: Trajectory) -> Report:
         trajectory.velocity,
         trajectory.input,
         tolerance=TOLERANCE,
-        at_rest=trajectory.meta.get("kind") == "plan",
-        start=(fleet.start, np.zeros_like(fleet.start)),
+        at_rest=planned and planning.end in {"rest", "fixed"},
+        start=None if free else (fleet.start, np.zeros_like(fleet.start)),
     )
     if not motion.checks[0].holds:
         unseen = Check("coverage", holds=False, margin=-np.inf, unit="s", where="not looked at")
         return Report((*motion.checks, unseen))
-    return Report((*motion.checks, *check_coverage(trajectory)))
+    ends = check_plan_ends(trajectory, TOLERANCE) if planned else []
+    return Report((*motion.checks, *ends, *check_coverage(trajectory)))

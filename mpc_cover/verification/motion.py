@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.verification.connectivity import widest_bottleneck
+from mpc_cover.verification.ends import check_links
 from mpc_cover.verification.limits import (
     check_box,
     check_dynamics,
@@ -69,6 +70,8 @@ def verify_motion(
         checks.append(_check_separation(path, fleet, tolerance))
     if fleet.size > 1 and np.isfinite(fleet.communication_range):
         checks.append(_check_connectivity(path, fleet, tolerance))
+    if fleet.links:
+        checks.append(check_links(path, fleet, tolerance))
     if at_rest:
         checks.append(check_rest(path, fleet.ids, tolerance))
     if start is not None:
@@ -128,6 +131,7 @@ def _nothing_else_looked_at(fleet: Fleet, wrong: str, *, at_rest: bool, start: b
         "box": "m",
         **({"separation": "m"} if fleet.size > 1 and fleet.separation_min > 0.0 else {}),
         **({"connectivity": "m"} if fleet.size > 1 and np.isfinite(fleet.communication_range) else {}),
+        **({"links kept": "m"} if fleet.links else {}),
         **({"rest at the end": "m/s"} if at_rest else {}),
         **({"start position": "m", "start velocity": "m/s"} if start else {}),
     }
