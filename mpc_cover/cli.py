@@ -34,7 +34,7 @@ MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission file (YAML), or the name of one that comes along, as box-3.")
 ]
 OptionalMission = Annotated[
-    str, typer.Argument(metavar="[MISSION]", help="A mission file (YAML), or the name of one that comes along.")
+    str, typer.Argument(metavar="MISSION", help="A mission file (YAML), or the name of one that comes along.")
 ]
 Backend = Annotated[str, typer.Option("--backend", metavar="NAME", help="QP back-end: piqp, clarabel or osqp.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of whatever is random.")]
@@ -99,7 +99,7 @@ def demo(
         "controller_restarts": result.controller_restarts,
         "exit_status": result.exit_status,
     }
-    _finish(console, result.summary, extra, as_json)
+    _finish(console, result.summary, extra, as_json, where=folder.path)
     raise typer.Exit(result.exit_status)
 
 
@@ -175,9 +175,10 @@ def simulate(
     console = _console(as_json)
     with Progress(console) as progress:
         result = run_simulation(loaded, backend=backend, seed=seed, on_tick=progress.show)
-    times = step_times_of([step.computing_time_s for step in result.steps if step.kind == "step"])
+    times = step_times_of([step.tick_time_s for step in result.steps if step.kind == "step"])
     summary = folder.write(result.trajectory, times, {"complete": result.complete})
-    _finish(console, summary, {"folder": str(folder.path), "complete": result.complete}, as_json)
+    extra = {"folder": str(folder.path), "complete": result.complete}
+    _finish(console, summary, extra, as_json, where=folder.path)
     raise typer.Exit(0 if result.complete and summary.holds else 1)
 
 
@@ -207,7 +208,7 @@ def plan(
     except OSError as error:
         raise UserError(f"--out {out}: cannot be written: {error.strerror or error}") from None
     summary = summarise(trajectory, check_trajectory(trajectory))
-    _finish(console, summary, {"file": str(out)}, as_json)
+    _finish(console, summary, {"file": str(out)}, as_json, where=out)
     raise typer.Exit(0 if summary.holds else 1)
 
 
@@ -305,14 +306,13 @@ def _console(as_json: bool) -> Console:
     return Console(stderr=as_json)
 
 
-def _finish(console: Console, summary: Any, extra: dict[str, Any], as_json: bool) -> None:
+def _finish(console: Console, summary: Any, extra: dict[str, Any], as_json: bool, *, where: Path) -> None:
     """Print the summary for a person, and as JSON where asked for."""
     from mpc_cover.view.tables import print_summary  # noqa: PLC0415
 
     if summary is not None:
         print_summary(summary, console)
-    for name, value in extra.items():
-        console.print(f"{name.replace('_', ' ')}: {value}", highlight=False, markup=False, soft_wrap=True)
+    console.print(f"written to {where}", highlight=False, markup=False, soft_wrap=True)
     if as_json:
         _print_json({**(summary.to_dict() if summary is not None else {}), **extra})
 

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -50,33 +51,36 @@ def refused(run):
     return refused
 
 
+def write_mission(file, changes):
+    """Write box-3 with some changes; dots are written as two underscores."""
+    raw = yaml.safe_load(BOX_3.read_text(encoding="utf-8"))
+    for path, value in changes.items():
+        *parents, last = path.split("__")
+        here = raw
+        for part in parents:
+            here = here[int(part) if part.isdigit() else part]
+        here[last] = value
+    file.write_text(yaml.safe_dump(raw), encoding="utf-8")
+    return file
+
+
+QUICK = {
+    "name": "quick",
+    "area__shape": {"kind": "box", "min_m": [1.0, 1.0], "max_m": [5.0, 5.0]},
+    "control__planning_time_s": 1.0,
+}
+"""Flown and planned in a second or two."""
+
+
 @pytest.fixture
 def mission(tmp_path):
-    """Return a function that writes box-3 with some changes; dotted paths."""
-
-    def mission(**changes):
-        raw = yaml.safe_load(BOX_3.read_text(encoding="utf-8"))
-        for path, value in changes.items():
-            *parents, last = path.split("__")
-            here = raw
-            for part in parents:
-                here = here[int(part) if part.isdigit() else part]
-            here[last] = value
-        file = tmp_path / "mission.yaml"
-        file.write_text(yaml.safe_dump(raw), encoding="utf-8")
-        return file
-
-    return mission
+    """Return a function that writes a mission with mistakes."""
+    return lambda **changes: write_mission(tmp_path / "mission.yaml", changes)
 
 
 @pytest.fixture
 def quick(mission):
-    """A mission that is flown and planned in a second or two."""
-    return mission(
-        name="quick",
-        area__shape={"kind": "box", "min_m": [1.0, 1.0], "max_m": [5.0, 5.0]},
-        control__planning_time_s=1.0,
-    )
+    return mission(**QUICK)
 
 
 def test_version(run):
@@ -244,22 +248,35 @@ def test_a_plan_that_cannot_be_written(refused, out, words):
 # runs
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """One run, made once: its folder, its mission, and what was printed."""
+    folder = tmp_path_factory.mktemp("made")
+    write_mission(folder / "mission.yaml", QUICK)
+    command = [sys.executable, "-m", "mpc_cover", "simulate", "mission.yaml", "--out", "run", "--json"]
+    out = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout
+    return folder, json.loads(out)
+
+
 @pytest.fixture
-def simulated(run, quick):
-    status, out, err = run("simulate", quick, "--out", "run", "--json")
-    assert status == 0, err
-    return json.loads(out)
+def simulated(made, tmp_path):
+    """The run in a folder of the test's own; what was printed."""
+    shutil.copytree(made[0], tmp_path, dirs_exist_ok=True)
+    return made[1]
 
 
-def test_simulate_writes_a_run_and_says_so_in_json(simulated, run, quick, tmp_path):
+def test_simulate_writes_a_run_and_says_so_in_json(simulated, tmp_path):
     assert simulated["holds"]
     assert simulated["covered_percent"] == 100.0
     assert simulated["step_times"]["steps"] > 0
     names = {path.name for path in (tmp_path / "run").iterdir()}
     assert {"trajectory.npz", "step_times.npz", "summary.json", "mission.json", "run.json", "overview.png"} <= names
+
+
+def test_a_run_of_ours_is_written_anew(simulated, run, tmp_path):
     first = (tmp_path / "run" / "trajectory.npz").read_bytes()
     (tmp_path / "run" / "stale.png").write_bytes(b"")
-    assert run("simulate", quick, "--out", "run")[0] == 0  # a run of ours is written anew
+    assert run("simulate", "mission.yaml", "--out", "run")[0] == 0
     assert (tmp_path / "run" / "trajectory.npz").read_bytes() == first
     assert not (tmp_path / "run" / "stale.png").exists()
 

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.planning.lanes import assign, comb, cut_lanes, snake, strips
+from mpc_cover.planning.lanes import (
+    Swath,
+    assign,
+    comb,
+    cut_lanes,
+    cut_snake,
+    snake,
+    strips,
+    swath_of,
+    take_pieces,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.mission.fleet import Fleet
@@ -25,35 +37,29 @@ class Guess:
     paths: list[FloatArray]
 
 
-def sweep_guesses(fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray) -> Iterator[Guess]:
-    """Yield sweeps of everything owed along each axis: strips of equal work, and combs.
+def sweep_guesses(
+    fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray, period: float
+) -> Iterator[Guess]:
+    """Yield sweeps of everything owed along each axis: strips of equal work, cut snakes, and combs.
 
-    `cell` (K, d) [m]; `owed` (J, K) > 0 where something is left; `position` (m, d) [m].
+    `cell` (K, d) [m]; `owed` (J, K) > 0 where something is left; `position` (m, d) [m]; `period` T_s [s].
     """
+    teams = _teams(fleet, cell, owed, period)
     for axis in range(cell.shape[1]):
-        across = (axis + 1) % cell.shape[1]
-        paths = [position[i][None] for i in range(fleet.size)]
-        for team, left in _teams(fleet, cell, owed):
-            share = fleet.speed_max[team] * _lane_radius(fleet, team)
-            parts = [part for part in strips(left, share, across) if len(part)]
-            middles = np.array([part.mean(axis=0) for part in parts])
-            match = assign(position[team], _padded(middles, len(team)))
-            for agent, part in zip(team, match, strict=True):
-                if part < len(parts):
-                    lanes = cut_lanes(parts[part], float(_lane_radius(fleet, team[:1])[0]), axis)
-                    paths[agent] = snake(lanes, position[agent])
-        yield Guess(f"strips along axis {axis}", paths)
+        yield _by_team(f"strips along axis {axis}", position, teams, partial(_strips, position=position, axis=axis))
     for axis in range(cell.shape[1]):
-        for mirrored in (False, True):
-            for upward in (True, False):
-                paths = [position[i][None] for i in range(fleet.size)]
-                for team, left in _teams(fleet, cell, owed):
-                    radius = float(_lane_radius(fleet, team).min())
-                    lanes = _even_lanes(left, radius, axis, len(team))
-                    found = comb(lanes, position[team], mirrored=mirrored, upward=upward)
-                    for agent, path in zip(team, found, strict=True):
-                        paths[agent] = path
-                yield Guess(f"comb along axis {axis}{' mirrored' * mirrored}{' downward' * (not upward)}", paths)
+        for mirrored, upward in product((False, True), (True, False)):
+            name = f"along axis {axis}{' mirrored' * mirrored}{' downward' * (not upward)}"
+
+            def snakes(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
+                pieces = cut_snake(cut_lanes(team.left, team.swath, a), team.speed, mirrored=m, upward=u)
+                return take_pieces(pieces, position[team.agents], team.speed)
+
+            def combs(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
+                return comb(_even_lanes(team, a), position[team.agents], mirrored=m, upward=u)
+
+            yield _by_team(f"snake {name}", position, teams, snakes)
+            yield _by_team(f"comb {name}", position, teams, combs)
 
 
 def tour_guess(fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray) -> Guess:
@@ -84,30 +90,57 @@ def rest_guess(position: FloatArray) -> Guess:
     return Guess("rest", [position[i][None] for i in range(position.shape[0])])
 
 
-def _teams(fleet: Fleet, cell: FloatArray, owed: FloatArray) -> list[tuple[IntArray, FloatArray]]:
-    """Return teams of agents with equal abilities, each with the cells on which it owes something."""
+@dataclass(frozen=True, eq=False)
+class Team:
+    """Agents with equal abilities: their indices, the (K', d) cells on which they owe something, and their swath."""
+
+    agents: IntArray
+    left: FloatArray
+    swath: Swath
+    speed: FloatArray
+
+
+def _by_team(kind: str, position: FloatArray, teams: list[Team], paths_of: Callable[[Team], list[FloatArray]]) -> Guess:
+    """Return the guess in which each team flies `paths_of(team)` and whoever has no work stays."""
+    paths = [here[None] for here in position]
+    for team in teams:
+        for agent, path in zip(team.agents, paths_of(team), strict=True):
+            paths[agent] = path
+    return Guess(kind, paths)
+
+
+def _teams(fleet: Fleet, cell: FloatArray, owed: FloatArray, period: float) -> list[Team]:
     able = np.isfinite(fleet.radius)
-    patterns = np.unique(able, axis=0)
     teams = []
-    for pattern in patterns:
-        team = np.flatnonzero((able == pattern).all(axis=1))
+    for pattern in np.unique(able, axis=0):
+        agents = np.flatnonzero((able == pattern).all(axis=1))
         left = cell[(owed[pattern] > 0.0).any(axis=0)]
         if len(left) and pattern.any():
-            teams.append((team, left))
+            radius = float(fleet.radius[agents][:, pattern].min())
+            speed = fleet.speed_max[agents]
+            teams.append(Team(agents, left, swath_of(radius, float(speed.max()), period), speed))
     return teams
 
 
-def _lane_radius(fleet: Fleet, team: IntArray) -> FloatArray:
-    """Return for each agent of a team the smallest radius that it must sweep with [m]."""
-    radius = fleet.radius[team]
-    return np.asarray(np.where(np.isfinite(radius), radius, np.inf).min(axis=1))
+def _strips(team: Team, position: FloatArray, axis: int) -> list[FloatArray]:
+    """Cut a team's cells into strips of equal work, and sweep each to and fro."""
+    across = (axis + 1) % position.shape[1]
+    here = position[team.agents]
+    parts = [part for part in strips(team.left, team.speed, across) if len(part)]
+    match = assign(here, _padded(np.array([part.mean(axis=0) for part in parts]), len(here)))
+    flown = []
+    for agent, part in enumerate(match):
+        lanes = cut_lanes(parts[part], team.swath, axis) if part < len(parts) else []
+        flown.append(snake(lanes, here[agent]) if lanes else here[agent][None])
+    return flown
 
 
-def _even_lanes(cell: FloatArray, radius: float, axis: int, agents: int) -> list[Lane]:
-    """Return lanes whose number is a multiple of the agents, where that costs no more blocks."""
-    lanes = cut_lanes(cell, radius, axis)
+def _even_lanes(team: Team, axis: int) -> list[Lane]:
+    """Return lanes whose number is a multiple of the agents: no slot of a comb's last block stays empty."""
+    agents = len(team.agents)
+    lanes = cut_lanes(team.left, team.swath, axis)
     blocks = -(-len(lanes) // agents)
-    return lanes if len(lanes) % agents == 0 else cut_lanes(cell, radius, axis, count=blocks * agents)
+    return lanes if len(lanes) % agents == 0 else cut_lanes(team.left, team.swath, axis, count=blocks * agents)
 
 
 def _padded(points: FloatArray, count: int) -> FloatArray:

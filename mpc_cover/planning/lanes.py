@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import pairwise, permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,10 +14,26 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
 
-_OVERLAP = 0.92
-"""Lanes are this part of the sensing diameter wide: discs of finitely many samples leave a ragged edge."""
 _INSET = 0.75
 """Lanes end this part of the radius before the last cell."""
+
+
+@dataclass(frozen=True)
+class Swath:
+    """What a disc sweeps: `half_width` [m] to either side is measured between samples too; `radius` [m]."""
+
+    half_width: float
+    radius: float
+
+
+def swath_of(radius: float, speed: float, period: float) -> Swath:
+    """Return the swath of a disc that is looked through every `period` [s] at `speed` [m/s].
+
+    Halfway between two samples the disc reaches sqrt(rho^2 - (v T_s / 2)^2) to the side; sparse samples are
+    not followed below a good part of the radius, there the SQP has to find better.
+    """
+    apart = min(0.5 * speed * period, 0.7 * radius)
+    return Swath(float(np.sqrt(radius**2 - apart**2)), radius)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,34 +44,38 @@ class Lane:
     high: FloatArray
 
 
-def cut_lanes(cell: FloatArray, radius: float, axis: int, count: int | None = None) -> list[Lane]:
-    """Return lanes along `axis` that together sweep the (K, d) cells [m] with a disc of `radius` [m].
+def cut_lanes(cell: FloatArray, swath: Swath, axis: int, count: int = 1) -> list[Lane]:
+    """Return lanes along `axis` that together sweep the (K, d) cells [m].
 
     Lanes are side by side along the other axis (in three dimensions in two layers of other axes, of which
-    the last varies slowest). `count` asks for that many lanes at least.
+    the last varies slowest). In the plane `count` asks for that many lanes at least.
     """
     others = [a for a in range(cell.shape[1]) if a != axis]
     groups = [cell]
-    wanted = count if len(others) == 1 else None
     for other in reversed(others):
-        groups = [part for group in groups for part in _bands(group, radius, other, wanted)]
-    return [_lane(group, radius, axis, others) for group in groups]
+        groups = [part for group in groups for part in _bands(group, swath, other, count if len(others) == 1 else 1)]
+    return [_lane(group, swath, axis, others) for group in groups]
 
 
-def _bands(cell: FloatArray, radius: float, axis: int, count: int | None) -> list[FloatArray]:
-    low, high = cell[:, axis].min(), cell[:, axis].max()
-    width = 2.0 * radius * _OVERLAP
-    bands = max(1, int(np.ceil((high - low) / width)), count or 1)
-    number = np.minimum(((cell[:, axis] - low) / max(high - low, 1e-9) * bands).astype(int), bands - 1)
-    return [cell[number == band] for band in range(bands) if (number == band).any()]
+def _bands(cell: FloatArray, swath: Swath, axis: int, count: int) -> list[FloatArray]:
+    """Cut cells into as few bands as the swath allows, each as wide as it may be, or into `count` even ones."""
+    place = cell[:, axis]
+    rows = np.unique(np.round(place, 9))
+    first = [rows[0]]
+    while (later := rows[rows > first[-1] + 2.0 * swath.half_width + 1e-9]).size:
+        first.append(later[0])
+    if count > len(first):
+        first = [part[0] for part in np.array_split(rows, min(count, len(rows)))]
+    number = np.searchsorted(np.array(first), place + 1e-8, side="right") - 1
+    return [cell[number == band] for band in range(len(first)) if (number == band).any()]
 
 
-def _lane(cell: FloatArray, radius: float, axis: int, others: Sequence[int]) -> Lane:
+def _lane(cell: FloatArray, swath: Swath, axis: int, others: Sequence[int]) -> Lane:
     low, high = np.empty(cell.shape[1]), np.empty(cell.shape[1])
     for other in others:
         low[other] = high[other] = 0.5 * (cell[:, other].min() + cell[:, other].max())
     first, last = cell[:, axis].min(), cell[:, axis].max()
-    inset = min(_INSET * radius, 0.5 * (last - first))
+    inset = min(_INSET * swath.radius, 0.5 * (last - first))
     low[axis], high[axis] = first + inset, last - inset
     return Lane(low, high)
 
@@ -78,6 +98,33 @@ def _to_and_fro(lanes: Sequence[Lane], *, upward: bool) -> FloatArray:
         ends = [lane.low, lane.high] if upward == (number % 2 == 0) else [lane.high, lane.low]
         points += ends
     return np.array(points)
+
+
+def cut_snake(lanes: Sequence[Lane], share: FloatArray, *, mirrored: bool, upward: bool) -> list[FloatArray]:
+    """Cut one path through all lanes into pieces whose lengths go as `share` (P,); returns their waypoints."""
+    ordered = list(reversed(lanes)) if mirrored else list(lanes)
+    path = _to_and_fro(ordered, upward=upward)
+    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    cuts = np.concatenate([[0.0], np.cumsum(share) / np.sum(share)]) * at[-1]
+    pieces = []
+    for low, high in pairwise(cuts):
+        ends = np.stack([np.interp([low, high], at, path[:, a]) for a in range(path.shape[1])], axis=1)
+        inside = path[(at > low + 1e-6) & (at < high - 1e-6)]
+        pieces.append(np.concatenate([ends[:1], inside, ends[1:]]))
+    return pieces
+
+
+def take_pieces(pieces: Sequence[FloatArray], start: FloatArray, speed: FloatArray) -> list[FloatArray]:
+    """Return for each of the (m, d) starts the piece it flies, in the better direction, so that all end early."""
+    length = np.array([np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() for piece in pieces])
+    ends = np.array([[piece[0], piece[-1]] for piece in pieces])
+    way = np.linalg.norm(start[:, None, None] - ends[None], axis=3)
+    match = assign_times((way.min(axis=2) + length) / speed[:, None])
+    flown = []
+    for agent, piece in enumerate(match):
+        backward = way[agent, piece, 1] < way[agent, piece, 0]
+        flown.append(pieces[piece][::-1] if backward else pieces[piece])
+    return flown
 
 
 def strips(cell: FloatArray, share: FloatArray, axis: int) -> list[FloatArray]:
@@ -110,11 +157,15 @@ def comb(lanes: Sequence[Lane], start: FloatArray, *, mirrored: bool, upward: bo
 
 def assign(start: FloatArray, goal: FloatArray) -> list[int]:
     """Return for each of the (m, d) starts the goal it takes, so that the longest way is short."""
-    distance = np.linalg.norm(start[:, None] - goal[None], axis=2)
-    if len(start) <= 6:  # noqa: PLR2004 - 720 permutations
-        order = list(permutations(range(len(start))))
-        table = distance[np.arange(len(start)), np.array(order)]
+    return assign_times(np.linalg.norm(start[:, None] - goal[None], axis=2))
+
+
+def assign_times(times: FloatArray) -> list[int]:
+    """Return for each row of a square table the column it takes, so that the largest entry, then the sum, is small."""
+    if len(times) <= 6:  # noqa: PLR2004 - 720 permutations
+        order = list(permutations(range(len(times))))
+        table = times[np.arange(len(times)), np.array(order)]
         best = int(np.lexsort((table.sum(axis=1), np.round(table.max(axis=1), 6)))[0])
         return list(order[best])
-    _, column = linear_sum_assignment(distance**2)
+    _, column = linear_sum_assignment(times**3)
     return [int(c) for c in column]

@@ -176,7 +176,7 @@ def _guesses(task: Task) -> list[Guess]:
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
     tour = tour_guess(task.fleet, task.cell, task.weight, task.position)
-    return [*sweep_guesses(task.fleet, task.cell, task.weight, task.position), tour]
+    return [*sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period), tour]
 
 
 def _fly(task: Task, guess: Guess, steps: int | None) -> Motion:

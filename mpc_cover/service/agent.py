@@ -125,7 +125,7 @@ class Agent:
             self._reject(error)
         else:
             if message.epoch > self._authority.epoch:
-                text = f"flies for controller {message.controller}, epoch {message.epoch}"
+                text = f"flies for controller {message.controller[:8]}, epoch {message.epoch}"
                 self.events.tell("controller", text)
             self._authority.accept(message)
 

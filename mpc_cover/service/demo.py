@@ -68,15 +68,17 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
     with Signals() as signals:
         clock = MonotonicClock()
         endpoint, transport = _open(clock, signals)
-        fleet = _Processes(mission, options, folder, endpoint)
         try:
+            fleet = _Processes(mission, options, folder, endpoint)
             observer = Observer(mission, transport, clock)
-            with Progress(console) as progress:
-                outcome = _Watch(fleet, observer, signals, progress).until_over()
+            try:
+                with Progress(console) as progress:
+                    outcome = _Watch(fleet, observer, signals, progress).until_over()
+            finally:
+                fleet.end()
         finally:
-            fleet.end()
             transport.close()
-        console.print(f"{outcome}; writes {folder.path}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"{outcome}; writes the run folder", highlight=False, markup=False, soft_wrap=True)
         summary = _write(mission, options, folder, outcome, fleet.restarts)
     complete = outcome == COMPLETE and summary is not None and summary.holds and summary.covered_cells == summary.cells
     status = INTERRUPTED if signals.received else 0 if complete else 1
@@ -202,7 +204,7 @@ def _write(mission: Mission, options: DemoOptions, folder: RunFolder, outcome: s
     """Merge the agents' records and write the run folder; None when nothing was flown."""
     extra: dict[str, Any] = {"outcome": outcome, "controller_restarts": restarts, "folder": str(folder.path)}
     steps = read_steps(folder.step_log)
-    times = [step.computing_time_s for step in steps if step.kind == "step"]
+    times = [step.tick_time_s for step in steps if step.kind == "step"]
     meta = {
         "kind": "demo",
         "version": __version__,

@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 
 PLAIN_EVERY_S = 2.0
 """How often a plain line is written [s]."""
-BAR = 30
+BAR = 20
 
 
 def describe(status: Status) -> str:
     """Return a status as one line; what is not complete is never shown as 100 %."""
     percent = (1000 * status.covered_count // max(1, status.cell_count)) / 10
     return (
-        f"covered {percent:5.1f} %   mission time {status.mission_time_s:5.1f} s   "
-        f"step {status.step_ms:4.0f} ms   deadlines missed {status.deadline_misses}"
+        f"covered {percent:5.1f} %, {status.mission_time_s:5.1f} s, "
+        f"step {status.step_ms:4.0f} ms, missed {status.deadline_misses}"
     )
 
 
@@ -62,7 +62,8 @@ class Progress:
         line = describe(status)
         if self._spinner is not None:
             filled = BAR * status.covered_count // max(1, status.cell_count)
-            self._spinner.update(f"{'█' * filled}{'░' * (BAR - filled)} {line}")
+            full, empty = "█░" if self._console.encoding.startswith("utf") else "#-"
+            self._spinner.update(f"{full * filled}{empty * (BAR - filled)} {line}")
         elif line != self._last and time.monotonic() >= self._due_s:
             self._due_s = time.monotonic() + PLAIN_EVERY_S
             self.say(line)

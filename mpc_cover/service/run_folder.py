@@ -143,6 +143,6 @@ def find_trajectory(path: Path) -> Path:
     return path / "trajectory.npz" if path.is_dir() else path
 
 
-def step_times_of(computing_times: Sequence[float]) -> FloatArray:
+def step_times_of(times: Sequence[float]) -> FloatArray:
     """Return (S,) [s]."""
-    return np.array(computing_times, dtype=float)
+    return np.array(times, dtype=float)

@@ -175,7 +175,8 @@ class _Narrator:
         covered = 100 * status.covered_count // status.cell_count
         say(
             f"{status.phase}: {status.mission_time_s:.1f} s, {covered} % covered, "
-            f"step {status.step_ms:.0f} ms, {status.deadline_misses} deadlines missed; {status.text}"
+            f"step {status.step_ms:.0f} ms, {status.deadline_misses} deadlines missed"
+            + (f"; {status.text}" if status.text != status.phase else "")
         )
 
 

@@ -65,7 +65,7 @@ def simulate(
     _run(clock, agents, controller, on_tick)
     meta = {"kind": "simulate", "version": __version__, "seed": seed, "backend": backend}
     trajectory = merge(mission, [recorder.pieces for recorder in recorders], meta)
-    return Simulation(trajectory, controller.steps.steps, events, controller.exit_status == 0)
+    return Simulation(trajectory, list(controller.steps.steps), events, controller.exit_status == 0)
 
 
 def _run(

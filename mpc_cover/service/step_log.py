@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -10,6 +11,10 @@ from mpc_cover.errors import UnreadableFileError, UserError
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+
+KEPT = 100_000
+"""Steps kept in memory: a day at 1 Hz."""
 
 
 class Step(msgspec.Struct, frozen=True):
@@ -32,7 +37,7 @@ class StepLog:
     """Counts, and keeps the times; with a file, each step is handed to the system at once."""
 
     def __init__(self, path: Path | None = None) -> None:
-        self.steps: list[Step] = []
+        self.steps: deque[Step] = deque(maxlen=KEPT)
         self.skipped = 0
         self.misses = 0
         self.count = 0

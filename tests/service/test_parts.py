@@ -1,0 +1,201 @@
+"""The small parts: signals, the loop, the grid, the step log, the run folder, what is shown."""
+
+import os
+import signal
+import socket
+from threading import Event
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from mpc_cover.clock import VirtualClock
+from mpc_cover.errors import UnreadableFileError, UserError
+from mpc_cover.service import processes
+from mpc_cover.service.bus import RequestError
+from mpc_cover.service.daemon import Signals, run
+from mpc_cover.service.local import LocalBus
+from mpc_cover.service.messages import Phase, Status
+from mpc_cover.service.processes import free_port
+from mpc_cover.service.progress import Progress, describe
+from mpc_cover.service.run_folder import RunFolder, default_folder, read_step_times
+from mpc_cover.service.step_log import Step, StepLog, read_steps
+from mpc_cover.service.timeline import Timeline
+
+STEP = Step("step", 1.5, 0.02, 0.025, "NEW", "replanned", deadline_missed=True)
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_stops_and_a_second_ctrl_c_interrupts(number, status):
+    before = signal.getsignal(number)
+    with Signals() as signals:
+        assert signals.exit_status == 0
+        os.kill(os.getpid(), number)
+        assert signals.stop.wait(5.0)
+        assert signals.exit_status == status
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+        assert signals.exit_status == status
+    assert signal.getsignal(number) is before
+
+
+class Counted:
+    """Ticks three times, a second apart."""
+
+    def __init__(self):
+        self.calls = []
+
+    @property
+    def next_time(self):
+        return float(self.calls.count("tick"))
+
+    @property
+    def done(self):
+        return self.calls.count("tick") == 3
+
+    def startup(self):
+        self.calls.append("startup")
+
+    def tick(self):
+        self.calls.append("tick")
+
+    def shutdown(self):
+        self.calls.append("shutdown")
+
+
+def test_the_loop_ticks_until_done():
+    participant, clock = Counted(), VirtualClock()
+    run(participant, clock, Event())
+    assert participant.calls == ["startup", "tick", "tick", "tick", "shutdown"]
+    assert clock.now() == 2.0
+
+
+def test_the_loop_ends_with_a_signal_and_shuts_down_whatever_happens():
+    participant, stop = Counted(), Event()
+    stop.set()
+    run(participant, VirtualClock(), stop)
+    assert participant.calls == ["startup", "shutdown"]
+    with pytest.raises(ZeroDivisionError):
+        run(participant, VirtualClock(), Event(), after_tick=lambda: 1 / 0)
+    assert participant.calls[-1] == "shutdown"
+
+
+def test_the_grid_is_never_rebased():
+    clock = VirtualClock(1e6)
+    timeline = Timeline(clock, 0.1)
+    timeline.start(1e6 + 0.1)
+    due = []
+    for late in (0.0, 0.03, 0.31, 0.0, 0.1, 0.0):
+        timeline.next_tick()
+        due.append(timeline.due_s)
+        clock.wait_until(timeline.due_s + late, Event())
+    ticks = (np.array(due) - 1e6) / 0.1
+    np.testing.assert_allclose(ticks, [1, 2, 3, 6, 7, 8], atol=1e-6)
+
+
+def test_mission_time_stands_still_while_paused():
+    clock = VirtualClock(50.0)
+    timeline = Timeline(clock, 0.5, mission_time_s=7.0)
+    clock.wait_until(60.0, Event())
+    assert timeline.now() == 7.0
+    timeline.start(61.0)
+    assert timeline.now() == 7.0
+    clock.wait_until(63.0, Event())
+    assert timeline.now() == 9.0
+    assert timeline.origin_s == 54.0
+    timeline.pause()
+    clock.wait_until(70.0, Event())
+    assert timeline.now() == 9.0
+    timeline.resume(40.0)
+    assert timeline.now() == 30.0
+
+
+def test_a_step_log_is_read_back_without_its_torn_line(tmp_path):
+    path = tmp_path / "steps.jsonl"
+    for _ in range(2):  # a second controller appends
+        log = StepLog(path)
+        log.add(STEP)
+        log.close()
+    assert (log.count, log.misses, log.last) == (1, 1, STEP)
+    assert read_steps(path) == [STEP, STEP]
+    path.write_bytes(path.read_bytes()[:-3])
+    assert read_steps(path) == [STEP]
+    path.write_bytes(b"junk\n")
+    with pytest.raises(UnreadableFileError):
+        read_steps(path)
+    assert read_steps(tmp_path / "none") == []
+    with pytest.raises(UserError, match="cannot be written"):
+        StepLog(tmp_path / "no" / "steps.jsonl")
+
+
+def test_a_step_log_on_a_full_disk_does_not_stop_the_control():
+    class Full:
+        def open(self, *_, **__):
+            return self
+
+        def write(self, _):
+            raise OSError(28, "No space left on device")
+
+        def close(self):
+            pass
+
+    log = StepLog(Full())
+    log.add(STEP)
+    log.add(STEP)
+    assert log.count == 2
+
+
+def status(covered: int) -> Status:
+    return Status(
+        controller="c", epoch=1, seq=0, phase=Phase.FLYING, mission_time_s=1.0, covered_count=covered, cell_count=10_000
+    )
+
+
+def test_what_is_not_complete_is_never_shown_as_100():
+    assert "100.0 %" in describe(status(10_000))
+    assert " 99.9 %" in describe(status(9_999))
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_progress_leaves_the_last_line_behind(terminal):
+    console = Console(force_terminal=terminal, record=True, width=100, file=(sink := open(os.devnull, "w")))  # noqa: PTH123, SIM115
+    with sink, Progress(console) as progress:
+        for covered in (0, 5_000, 9_999):
+            progress.show(status(covered))
+        progress.say("[not markup]")
+    text = console.export_text()
+    assert "[not markup]" in text
+    assert text.rstrip().endswith(describe(status(9_999)))
+
+
+def test_runs_of_the_same_second_do_not_collide(tmp_path, monkeypatch, mission):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("time.strftime", lambda _: "20250101-000000")
+    names = []
+    for _ in range(3):
+        folder = default_folder(mission)
+        RunFolder(folder, "demo", mission)
+        names.append(folder.name)
+    assert names == ["small-20250101-000000", "small-20250101-000000-2", "small-20250101-000000-3"]
+
+
+def test_step_times_that_are_none(tmp_path):
+    assert read_step_times(tmp_path) is None
+    np.savez(tmp_path / "step_times.npz", step_time=np.array([0.1, np.nan]))
+    with pytest.raises(UnreadableFileError, match="finite"):
+        read_step_times(tmp_path)
+
+
+def test_a_free_port_is_one(monkeypatch):
+    port = free_port()
+    assert free_port([port]) != port
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", port))
+        monkeypatch.setattr(processes, "PORTS", range(port, port + 1))
+        with pytest.raises(UserError, match="no port"):
+            free_port()
+
+
+def test_a_bus_in_memory_cannot_wait():
+    with pytest.raises(RequestError):
+        LocalBus(VirtualClock()).join().ask("key", b"", 1.0)
