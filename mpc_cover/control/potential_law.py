@@ -6,7 +6,7 @@ fleet at once or on one agent's neighbourhood: rows that are not the caller's ar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -23,6 +23,7 @@ from mpc_cover.control.safe_sets import SafeSets, enclosing_diameters, safe_sets
 from mpc_cover.control.step_filter import filter_steps
 from mpc_cover.control.stopping_filter import filter_forces, stopping_balls
 from mpc_cover.control.tracking import limited, track
+from mpc_cover.information.delay import adjacency
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
@@ -42,7 +43,7 @@ class LawParameters:
         needs no further message.
     """
 
-    shape: CoverageShape = CoverageShape()
+    shape: CoverageShape = field(default_factory=CoverageShape)
     gain: float = np.inf
     coordination_gain: float = 0.1
     random: float = 0.1
@@ -130,15 +131,15 @@ class PotentialLaw:
 
     def step(self, position: FloatArray, wish: FloatArray, kept: BoolArray) -> FloatArray:
         """Return the next positions (m, d) [m] of single integrators (5.1) that keep every bound."""
-        sets = self._sets(position, np.zeros(len(position)), kept)
+        sets = self._sets(position, position, np.zeros(len(position)), kept)
         longest = self._period * self._bounds.speed_max
         return position + filter_steps(position, self._period * wish, longest, sets)
 
     def force(self, position: FloatArray, velocity: FloatArray, wish: FloatArray, kept: BoolArray) -> FloatArray:
-        """Return the inputs (m, d) [m/s^2] of double integrators that follow a wish (m, d) [m/s] and keep every bound."""
+        """Return the inputs (m, d) [m/s^2] of double integrators that follow a wish [m/s] and keep every bound."""
         assert self._bounds.input_max is not None, "single integrators take steps"
         limits = (self._bounds.input_max, self._bounds.speed_max)
-        sets = self._sets(*self._balls(position, velocity), kept)
+        sets = self._sets(position, *self._balls(position, velocity), kept)
         wanted = track(velocity, wish, *limits, self._period)
         return filter_forces(position, velocity, wanted, limits, sets, self._period)[0]
 
@@ -149,12 +150,11 @@ class PotentialLaw:
         ball = stopping_balls(position, velocity, self._bounds.input_max, self._period)
         return ball.centre, ball.radius
 
-    def _sets(self, centre: FloatArray, radius: FloatArray, kept: BoolArray) -> SafeSets:
-        diameter = enclosing_diameters(centre, radius)
+    def _sets(self, position: FloatArray, centre: FloatArray, radius: FloatArray, kept: BoolArray) -> SafeSets:
         return safe_sets(
             centre,
             radius,
-            diameter <= self._coordination.range_m,
+            adjacency(position, self._coordination.range_m),
             kept,
             separation=self._coordination.separation_m,
             reach=self._coordination.range_m,
@@ -169,7 +169,7 @@ class PotentialLaw:
         ahead = self._period * speed
         if self._bounds.input_max is not None:
             still = np.zeros((len(speed), 1))
-            ahead = ahead + 4.0 * stopping_balls(still, speed[:, None], self._bounds.input_max, self._period).radius
+            ahead = ahead + 2.0 * stopping_balls(still, speed[:, None], self._bounds.input_max, self._period).radius
         need = self._coordination.separation_m + float(np.sort(ahead)[-2:].sum())
         if need > self._coordination.range_m:
             raise ValueError(

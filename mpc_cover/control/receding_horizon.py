@@ -18,7 +18,7 @@ from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_ste
 from mpc_cover.information.coverage_map import CoverageMap
 from mpc_cover.model.sensing import measured
 from mpc_cover.planning.engine import Engine, resampled
-from mpc_cover.planning.planner import Task
+from mpc_cover.planning.task import Task
 from mpc_cover.verification.motion import verify_motion
 
 if TYPE_CHECKING:

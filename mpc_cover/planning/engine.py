@@ -9,13 +9,16 @@ import numpy as np
 
 from mpc_cover.errors import UserError
 from mpc_cover.planning.continuation import judge, refine
-from mpc_cover.planning.planner import Task, plan_for, plan_whole
+from mpc_cover.planning.planner import Search, plan_for
+from mpc_cover.planning.whole import plan_shortest, plan_whole
 from solvers.backends.registry import UnknownBackendError, make_backend
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mpc_cover.arrays import FloatArray
     from mpc_cover.planning.continuation import Refined
-    from mpc_cover.planning.planner import Candidate
+    from mpc_cover.planning.task import Candidate, Task
     from mpc_cover.planning.window import Window
 
 _FLIGHT_SHARPNESS = 40.0
@@ -42,12 +45,18 @@ class Engine:
         return plan_whole(task, self._backend, deadline=deadline)
 
     def quick(self, task: Task, deadline: float | None) -> Candidate:
-        """Plan everything that is owed from one start, refined once if there is time."""
-        return plan_whole(task, self._backend, attempts=1, starts=1, deadline=deadline)
+        """Plan everything that is owed from a few starts, refined once if there is time."""
+        return plan_whole(task, self._backend, attempts=1, search=Search(starts=3, finalists=1), deadline=deadline)
 
-    def fixed(self, task: Task, steps: int, deadline: float | None) -> Candidate:
-        """Plan exactly `steps` samples from several starts."""
-        return plan_for(task, self._backend, steps, starts=4, deadline=deadline)
+    def fixed(self, task: Task, steps: int, search: Search, deadline: float | None) -> Candidate:
+        """Plan exactly `steps` samples."""
+        return plan_for(task, self._backend, steps, search, deadline)[0]
+
+    def shortest(
+        self, task: Task, search: Search, deadline: float | None, told: Callable[[int, Candidate], None] | None = None
+    ) -> Candidate:
+        """Plan everything that is owed in as few samples as the search finds."""
+        return plan_shortest(task, self._backend, search=search, deadline=deadline, told=told)
 
     def polish(self, window: Window, x: FloatArray, iterations: int, deadline: float | None) -> Refined:
         """Improve a motion that is already good by a few QPs."""

@@ -10,7 +10,8 @@ from mpc_cover import __version__
 from mpc_cover.errors import InvalidInputError, Problem, UserError
 from mpc_cover.model.sensing import covered_at
 from mpc_cover.planning.engine import Engine
-from mpc_cover.planning.planner import Task
+from mpc_cover.planning.planner import Search
+from mpc_cover.planning.task import Task
 from mpc_cover.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def plan_mission(
         end=planning.end,
         goal=np.array([agent.end_m for agent in mission.spec.fleet.agents]) if planning.end == "fixed" else None,
     )
-    found = engine.fixed(task, steps, deadline)
+    found = engine.fixed(task, steps, Search(starts=10, finalists=3, seed=seed), deadline)
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps separation and connectivity")
     plan = found.plan

@@ -14,15 +14,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.service import bus
 from mpc_cover.service.commands import CommandDesk
 from mpc_cover.service.dispatch import Dispatch, UnknownPlanError
-from mpc_cover.service.fleet_view import FleetView
 from mpc_cover.service.heartbeat import Heartbeat
-from mpc_cover.service.journal import NoJournal, Snapshot
+from mpc_cover.service.journal import NoJournal
 from mpc_cover.service.keys import Keys
 from mpc_cover.service.messages import Phase
 from mpc_cover.service.step_log import Step, StepLog
+from mpc_cover.service.survey import Survey
 from mpc_cover.service.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.brain import Brain, StepOutcome
     from mpc_cover.service.bus import Transport
-    from mpc_cover.service.journal import Journal
+    from mpc_cover.service.journal import Journal, Snapshot
 
 PATIENCE_S = 1.0
 """An agent that is awaited must have been heard within this time of the machine's clock [s]."""
@@ -82,7 +81,6 @@ class Controller:
         self.phase = Phase.WAITING
         self.done = False
         self.steps = steps or StepLog()
-        self.fleet = FleetView(mission, transport, speed, history=bus.STATE.history if resume else 0)
         self.heartbeat = Heartbeat(mission, transport, clock, identity, epoch=epoch, period_s=0.5 * speed, say=say)
         self._clock, self._transport, self._epoch = clock, transport, epoch
         self._control = mission.spec.control
@@ -91,13 +89,11 @@ class Controller:
         self._dispatch = Dispatch(mission, transport, epoch, identity)
         self._desk = CommandDesk(mission, transport)
         self._timeline = Timeline(clock, self._control.period_s, resume.mission_time_s if resume else 0.0)
+        self._survey = Survey(mission, transport, brain.coverage, self._timeline, speed=speed, resume=resume)
+        self.fleet = self._survey.fleet
         self._patience = max(PATIENCE_S * speed, 3.0 * self._control.state_period_s)
         self._failures = 0
         self._complete_s = np.inf
-        self._origins: dict[str, float] = {}
-        if resume is not None:
-            brain.coverage.first = resume.first.copy()
-            self._origins = dict(resume.origins)
 
     @property
     def next_time(self) -> float:
@@ -144,23 +140,12 @@ class Controller:
     # listening
 
     def _listen(self) -> None:
-        rounds = self.fleet.receive()
-        self._find_origin()
-        for measured_s, position in rounds:
-            self.brain.coverage.observe(self._timeline.at(measured_s), position)
+        self._survey.listen()
         if self.fleet.reborn and self.phase is Phase.FLYING:
             self._regroup(f"{', '.join(self.fleet.reborn)} started anew")
         if (newest := self.fleet.newest_epoch()) > self._epoch and self.phase is not Phase.FAILED:
             own = f"this one, of epoch {self._epoch}"
             self._enter(Phase.FAILED, f"a controller of epoch {newest} has taken over from {own}")
-
-    def _find_origin(self) -> None:
-        """Let mission time run on as under the controller before, by the clock of an agent that both know."""
-        for link in self.fleet.links if self._origins else ():
-            if link.state and link.state.instance in self._origins:
-                self._timeline.resume(self._origins[link.state.instance] + link.offset)
-                self._origins = {}
-                return
 
     def _obey(self) -> None:
         for command in self._desk.take():
@@ -313,15 +298,9 @@ class Controller:
 
     def _save(self, *, now: bool = False) -> None:
         finished = self.phase is Phase.COMPLETE
-        snapshot = Snapshot(self._timeline.now(), self.brain.coverage.first, finished, self._agent_origins())
+        snapshot = self._survey.snapshot(finished=finished)
         if problem := self._journal.save(snapshot, now=now or finished):
             self.heartbeat.events.tell("journal", problem)
-
-    def _agent_origins(self) -> dict[str, float]:
-        if not self._timeline.running:
-            return self._origins
-        origin_s = self._timeline.origin_s
-        return {link.state.instance: origin_s - link.offset for link in self.fleet.links if link.state}
 
     def _schedule(self) -> None:
         if self.phase is Phase.FLYING:

@@ -9,7 +9,7 @@ import numpy as np
 from mpc_cover import __version__
 from mpc_cover.model.sensing import covered_at
 from mpc_cover.planning.engine import Engine
-from mpc_cover.planning.planner import Task
+from mpc_cover.planning.task import Task
 from mpc_cover.trajectory import Trajectory
 
 if TYPE_CHECKING:

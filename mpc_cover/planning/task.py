@@ -1,0 +1,129 @@
+"""What is to be planned, and what a plan is worth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from mpc_cover.constraints.boundary import Ends
+from mpc_cover.model.sensing import measured
+from mpc_cover.planning.continuation import judge
+from mpc_cover.planning.follow import follow
+from mpc_cover.planning.plan import Plan
+from mpc_cover.planning.window import Window
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.planning.continuation import Refined
+    from mpc_cover.planning.follow import Motion
+    from mpc_cover.planning.guesses import Guess
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is to be covered, and from where.
+
+    Attributes
+    ----------
+    fleet : limits, radii, ranges.
+    cell : (K, d) [m].
+    weight : (J, K) gamma.
+    position, velocity : (m, d) [m], [m/s].
+    start_time : mission time of sample 0 [s].
+    period : T_s [s].
+    start_free : whether plans may start elsewhere; `position` is then a hint.
+    end : at "rest" anywhere, "free", "fixed" (at rest at `goal`), or "closed" (in the state of the start).
+    goal : (m, d) [m], for a fixed end.
+    """
+
+    fleet: Fleet
+    cell: FloatArray
+    weight: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    start_time: float
+    period: float
+    start_free: bool = False
+    end: Literal["rest", "free", "fixed", "closed"] = "rest"
+    goal: FloatArray | None = None
+
+    @property
+    def least_steps(self) -> int:
+        """The fewest steps in which whoever moves can stop."""
+        speed = np.linalg.norm(self.velocity, axis=1)
+        return int(np.ceil(float((speed / self.fleet.input_max).max()) / self.period)) + 2
+
+    def window(self, steps: int) -> Window:
+        """Return the stretch of `steps` samples with the ends that are asked for."""
+        ends = Ends(
+            start_position=None if self.start_free else self.position,
+            start_velocity=None if self.start_free else self.velocity,
+            end_position=self.goal if self.end == "fixed" else None,
+            end_velocity=np.zeros_like(self.velocity) if self.end in {"rest", "fixed"} else None,
+            closed=self.end == "closed",
+        )
+        return Window(self.fleet, self.cell, self.weight, steps, self.period, ends)
+
+    def owed_after(self, plan: Plan) -> FloatArray:
+        """Return the weights (J, K) of what a plan's samples leave over."""
+        weight = self.weight
+        for position in plan.position:
+            weight = np.where(measured(position, self.cell, self.fleet.radius), 0.0, weight)
+        return weight
+
+    def flown(self, guess: Guess, steps: int | None) -> Motion:
+        """Fly a guess from the start, or from where it begins if that is free, to the end that is asked for."""
+        position, paths = self.position, guess.paths
+        if self.start_free:
+            position = np.array([path[0] for path in paths])
+        if self.end in {"fixed", "closed"}:
+            home = position if self.goal is None else self.goal
+            paths = [np.concatenate([path, goal[None]]) for path, goal in zip(paths, home, strict=True)]
+        stop = self.end != "free"
+        return follow(paths, position, self.velocity, self.fleet, self.period, steps=steps, stop=stop)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A plan with what it is worth.
+
+    Attributes
+    ----------
+    plan : the motion.
+    cost : its J (4.34) [m].
+    feasible : whether it keeps all requirements.
+    kind : the guess that it grew from.
+    refined : how it was refined, None for a guess as it flies.
+    """
+
+    plan: Plan
+    cost: float
+    feasible: bool
+    kind: str
+    refined: Refined | None = None
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything is covered, feasibly."""
+        return self.feasible and self.cost == 0.0
+
+    @property
+    def rank(self) -> tuple[bool, bool, int, float]:
+        """Feasible before complete before short; what is incomplete, by what it leaves."""
+        return (not self.feasible, self.cost > 0.0, self.plan.steps if self.complete else 0, self.cost)
+
+
+def candidate_of(task: Task, steps: int, refined: Refined, kind: str) -> Candidate:
+    """Return the candidate of a refined decision vector."""
+    position, velocity = task.window(steps).motion(refined.x)
+    plan = Plan(task.start_time, task.period, position, velocity, np.diff(velocity, axis=0) / task.period)
+    return Candidate(plan, refined.cost, refined.feasible, kind, refined)
+
+
+def as_flown(task: Task, guess: Guess, motion: Motion) -> Candidate:
+    """Return the candidate of a guess as it flies."""
+    window = task.window(motion.steps)
+    return candidate_of(task, motion.steps, judge(window, window.exact_ends(motion.decision)), guess.kind)

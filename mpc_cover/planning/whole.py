@@ -1,0 +1,163 @@
+"""Plans of whatever length covers everything: short ones, and the shortest that is found."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.planning.continuation import judge
+from mpc_cover.planning.guesses import rest_guess, tour_guess
+from mpc_cover.planning.planner import Search, plan_for, starts
+from mpc_cover.planning.task import Candidate, Task, as_flown, candidate_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mpc_cover.planning.follow import Motion
+    from mpc_cover.planning.guesses import Guess
+    from solvers.backends.base import Backend
+
+_EASY, _HARD = 0.92, 0.76
+"""Refined plans nearly always exist in the first part of the time in which a guess flies, and never in the second."""
+_SCREENED = 6
+"""So many guesses must have been compared before only the best kinds go on."""
+_SYSTEMATIC = 19
+"""Guesses that are flown as they are; the tour is the last of them."""
+_KEPT = 3
+"""Kinds of guesses that are tried again at other lengths."""
+_FINALISTS = 3
+"""Plans that are flown on to what they leave over, when none covers everything."""
+_EXTENSIONS = 3
+
+
+def plan_whole(
+    task: Task,
+    backend: Backend,
+    *,
+    attempts: int = 5,
+    search: Search | None = None,
+    deadline: float | None = None,
+) -> Candidate:
+    """Return a short plan that covers everything owed, or the best one found; anytime.
+
+    Begins with a length at which the first guess mostly suffices, and bisects between what covers everything
+    and what does not. What is still left over is flown to at the end. `attempts` bounds the lengths tried,
+    `deadline` is on `time.perf_counter`.
+    """
+    search = search or Search()
+    flights = _flights(task, search)
+    found = [as_flown(task, guess, motion) for guess, motion in flights]
+    still = rest_guess(task.position)
+    found.append(as_flown(task, still, task.flown(still, task.least_steps)))
+    work = min(motion.steps for _, motion in flights)
+    steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * work)
+    shortest = 0
+    for _ in range(attempts):
+        if _late(deadline):
+            break
+        candidates = plan_for(task, backend, steps, search, deadline)
+        best = candidates[0]
+        found.append(best)
+        if best.complete:
+            shortest = steps
+        else:
+            too_short = max(too_short, steps)
+        if len(candidates) > _SCREENED:
+            search = replace(search, kinds=_kinds(candidates))
+        if shortest:
+            steps = max(task.least_steps, (too_short + shortest) // 2)
+        else:
+            left = float(task.owed_after(best.plan).astype(bool).mean())
+            steps += max(2, round(min(max(left, 0.06), 0.3) * steps))
+        if steps in {too_short, shortest}:
+            break
+    found.sort(key=lambda candidate: candidate.rank)
+    finished = [_extended(task, candidate, backend, deadline) for candidate in found[:_FINALISTS] if candidate.feasible]
+    return min([*finished, *found], key=lambda candidate: candidate.rank)
+
+
+def plan_shortest(
+    task: Task,
+    backend: Backend,
+    *,
+    search: Search,
+    deadline: float | None = None,
+    told: Callable[[int, Candidate], None] | None = None,
+) -> Candidate:
+    """Return the shortest plan that covers everything which the search finds.
+
+    Goes down a sample at a time from a short plan, with more starts each time one length fails: three
+    failures, or the deadline, end it. `told` hears of each length that was tried.
+    """
+    best = plan_whole(task, backend, search=search, deadline=deadline)
+    if not best.complete:
+        return best
+    failures = 0
+    while failures < _KEPT and best.plan.steps > task.least_steps and not _late(deadline):
+        more = replace(
+            search,
+            starts=_SYSTEMATIC + 8 * failures,
+            finalists=6 + 4 * failures,
+            seed=search.seed + failures,
+        )
+        steps = best.plan.steps - 1
+        candidate = plan_for(task, backend, steps, more, deadline)[0]
+        if told is not None:
+            told(steps, candidate)
+        if candidate.complete:
+            best, failures = candidate, 0
+        else:
+            failures += 1
+    return best
+
+
+def _flights(task: Task, search: Search) -> list[tuple[Guess, Motion]]:
+    """Fly every systematic guess to its end: what they take is a measure of the work."""
+    flights = []
+    for guess in starts(task, search):
+        if "random" in guess.kind:
+            break
+        flights.append((guess, task.flown(guess, None)))
+    return flights
+
+
+def _kinds(candidates: list[Candidate]) -> tuple[str, ...]:
+    """Return the kinds of the best candidates, each once."""
+    ordered = dict.fromkeys(candidate.kind for candidate in candidates if candidate.kind != "rest")
+    return tuple(ordered)[:_KEPT]
+
+
+def _extended(task: Task, candidate: Candidate, backend: Backend, deadline: float | None) -> Candidate:
+    """Fly on to what the candidate leaves over, from its end at rest."""
+    for _ in range(_EXTENSIONS):
+        weight = task.owed_after(candidate.plan)
+        if not (weight > 0.0).any():
+            break
+        end = candidate.plan
+        rest = replace(
+            task, weight=weight, position=end.position[-1], velocity=end.velocity[-1], start_time=end.end_time
+        )
+        tour = tour_guess(rest.fleet, rest.cell, rest.weight, rest.position)
+        flight = rest.flown(tour, None)
+        more = as_flown(rest, tour, flight)
+        if not more.feasible and not _late(deadline):
+            more = plan_for(rest, backend, flight.steps, Search(starts=2, finalists=1), deadline)[0]
+        if not more.feasible or more.plan.steps == 0:
+            break
+        candidate = _joined(task, candidate, more)
+    return candidate
+
+
+def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:
+    velocity = np.concatenate([first.plan.velocity, second.plan.velocity[1:]])
+    steps = velocity.shape[0] - 1
+    window = task.window(steps)
+    judged = judge(window, window.decision(first.plan.position[0], velocity))
+    return candidate_of(task, steps, judged, f"{first.kind}, then {second.kind}")
+
+
+def _late(deadline: float | None) -> bool:
+    return deadline is not None and time.perf_counter() >= deadline

@@ -1,0 +1,65 @@
+"""What the fleet has measured, and when: states in, a marked map out, and what a successor needs to know."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mpc_cover.service import bus
+from mpc_cover.service.fleet_view import FleetView
+from mpc_cover.service.journal import Snapshot
+
+if TYPE_CHECKING:
+    from mpc_cover.information.coverage_map import CoverageMap
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.bus import Transport
+    from mpc_cover.service.timeline import Timeline
+
+
+class Survey:
+    """Marks the map from measured positions, in mission time.
+
+    With `resume`, the survey of an earlier controller is taken up: its map, what the agents have measured since
+    (they keep a history), and its mission time, by the clock of an agent that both controllers know.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        transport: Transport,
+        coverage: CoverageMap,
+        timeline: Timeline,
+        *,
+        speed: float,
+        resume: Snapshot | None,
+    ) -> None:
+        self.fleet = FleetView(mission, transport, speed, history=bus.STATE.history if resume else 0)
+        self._coverage, self._timeline = coverage, timeline
+        self._origins: dict[str, float] = {}
+        if resume is not None:
+            coverage.first = resume.first.copy()
+            self._origins = dict(resume.origins)
+
+    def listen(self) -> None:
+        """Take in the states that arrived, and mark what was measured."""
+        rounds = self.fleet.receive()
+        self._find_origin()
+        for measured_s, position in rounds:
+            self._coverage.observe(self._timeline.at(measured_s), position)
+
+    def snapshot(self, *, finished: bool) -> Snapshot:
+        """Return how far the mission is."""
+        return Snapshot(self._timeline.now(), self._coverage.first, finished, self._agent_origins())
+
+    def _find_origin(self) -> None:
+        """Let mission time run on as it did under the controller before."""
+        for link in self.fleet.links if self._origins else ():
+            if link.state and link.state.instance in self._origins:
+                self._timeline.resume(self._origins[link.state.instance] + link.offset)
+                self._origins = {}
+                return
+
+    def _agent_origins(self) -> dict[str, float]:
+        if not self._timeline.running:
+            return self._origins
+        origin_s = self._timeline.origin_s
+        return {link.state.instance: origin_s - link.offset for link in self.fleet.links if link.state}

@@ -1,0 +1,109 @@
+"""One problem for everyone: a mission's NLP (4.22, 4.34), and the guesses that all peers start from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.constraints.pairs import all_pairs
+from mpc_cover.errors import InvalidInputError, Problem, UserError
+from mpc_cover.planning.guesses import rest_guess, sweep_guesses
+from mpc_cover.planning.task import Task
+from mpc_cover.planning.window import Margins, Requirements, requirements
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.planning.window import Window
+
+GUESSES = ("boustrophedon", "rest")
+"""What a benchmark may start from: strips of equal work, flown to and fro; or standing still."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A mission over its `planning.duration_s`.
+
+    Attributes
+    ----------
+    mission : whose limits the verifier holds everyone to.
+    task, window : the same as the planner sees it. Peers hand over decision vectors of `window`: the
+        position at sample 0 and all velocities, so that the dynamics hold exactly for everyone.
+    """
+
+    mission: Mission
+    task: Task
+    window: Window
+
+    def time(self) -> FloatArray:
+        """Return the (N+1,) sample times [s]."""
+        return self.window.period * np.arange(self.window.steps + 1, dtype=float)
+
+
+def make_case(mission: Mission) -> Case:
+    """Return the problem that `mpc-cover plan` solves for this mission.
+
+    Raises
+    ------
+    InvalidInputError
+        The duration is shorter than two periods.
+    """
+    planning, fleet, period = mission.spec.planning, mission.fleet, mission.spec.control.period_s
+    steps = round(planning.duration_s / period)
+    if steps < 2:  # noqa: PLR2004 - to leave and to stop
+        problem = Problem("planning.duration_s", planning.duration_s, "must be at least two periods")
+        raise InvalidInputError(f"mission {mission.spec.name}", [problem])
+    task = Task(
+        fleet=fleet,
+        cell=mission.field.cell,
+        weight=np.tile(mission.field.weight, (fleet.radius.shape[1], 1)),
+        position=fleet.start,
+        velocity=np.zeros_like(fleet.start),
+        start_time=0.0,
+        period=period,
+        start_free=planning.start == "free",
+        end=planning.end,
+        goal=np.array([agent.end_m for agent in mission.spec.fleet.agents]) if planning.end == "fixed" else None,
+    )
+    return Case(mission, task, task.window(steps))
+
+
+def start_from(case: Case, guess: str) -> FloatArray:
+    """Return the decision vector of a guess by name.
+
+    Raises
+    ------
+    UserError
+        For a name that is not in `GUESSES`.
+    """
+    task = case.task
+    if guess == "rest":
+        chosen = rest_guess(task.position)
+    elif guess == "boustrophedon":
+        chosen = next(iter(sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period)))
+    else:
+        raise UserError(f"--guess {guess}: is none: must be one of {', '.join(GUESSES)} or all")
+    return case.window.exact_ends(task.flown(chosen, case.window.steps).decision)
+
+
+def asked_of_peers(case: Case) -> Requirements:
+    """Return the distances that peers are asked to keep at the samples (4.18 to 4.20): least (pairs,) and range [m].
+
+    They are rho_B and rho_C with just the margins that our own plans keep, in which a path between two samples
+    finds room (a_rel T_s^2 / 8). Peers measured at the samples only, without them, gave plans that no peer's
+    user could fly; with them their J hardly suffers, and most of their plans hold along the path as well.
+    """
+    window, fleet = case.window, case.window.fleet
+    required = requirements(window, Margins())
+    if fleet.size == 1:
+        return required
+    one, two = all_pairs(fleet.size)
+    between = (fleet.input_max[one] + fleet.input_max[two]) * window.period**2 / 8.0
+    separation, reach = required.separation + between, required.range - 0.5 * float(between.max())
+    for given in (window.ends.start_position, window.ends.end_position):
+        if given is not None:  # no peer is asked for more room than it is given
+            here = np.linalg.norm(given[one] - given[two], axis=1)
+            separation = np.maximum(required.separation, np.minimum(separation, here))
+    return Requirements(separation, reach)
