@@ -184,32 +184,40 @@ def simulate(
 
 @app.command()
 def plan(
-    mission: MissionArgument,
-    out: Annotated[Path, typer.Option("--out", help="The trajectory file to write.")] = Path("plan.npz"),
+    mission: OptionalMission = "box-3",
+    everything: Annotated[
+        Path | None, typer.Option("--all", metavar="DIR", help="Plan every mission of a folder instead.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Trajectory file, or with --all the folder; default plan.npz, plans.")
+    ] = None,
+    starts: Annotated[int, typer.Option("--starts", min=1, max=1000, help="Guesses to tell apart.")] = 10,
+    time_limit: Annotated[
+        float | None, typer.Option("--time-limit", help="Seconds to search; whatever the limit, the result holds.")
+    ] = None,
+    min_time: Annotated[
+        bool, typer.Option("--min-time", help="Search for the shortest plan that covers everything.")
+    ] = False,
+    profile: Annotated[bool, typer.Option("--profile", help="Show where the time goes.")] = False,
     seed: Seed = 0,
     backend: Backend = "piqp",
     as_json: Json = False,
 ) -> None:
-    """Solve once, offline, for the whole mission."""
-    from mpc_cover.service.offline import plan_offline  # noqa: PLC0415
-    from mpc_cover.trajectory import save_trajectory  # noqa: PLC0415
-    from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
-    from mpc_cover.verification.summary import summarise  # noqa: PLC0415
+    """Solve the optimal coverage NLP offline, over the mission's planning.duration_s."""
+    from mpc_cover.planning.offline import PlanOptions  # noqa: PLC0415
+    from mpc_cover.studies.plans import plan_files  # noqa: PLC0415
 
     _check_backend(backend)
-    loaded = _load(mission)
-    if out.suffix != ".npz":
-        raise UserError(f"--out {out}: must end in .npz")
-    console = _console(as_json)
-    try:
-        out.touch()  # before the work, not after it
-        trajectory = plan_offline(loaded, backend=backend, seed=seed)
-        save_trajectory(trajectory, out)
-    except OSError as error:
-        raise UserError(f"--out {out}: cannot be written: {error.strerror or error}") from None
-    summary = summarise(trajectory, check_trajectory(trajectory))
-    _finish(console, summary, {"file": str(out)}, as_json, where=out)
-    raise typer.Exit(0 if summary.holds else 1)
+    if time_limit is not None and not (math.isfinite(time_limit) and time_limit > 0.0):
+        raise UserError(f"--time-limit {time_limit:g}: must be a number of seconds greater than 0")
+    options = PlanOptions(backend, seed, starts, time_limit, min_time)
+    console, several = _console(as_json), everything is not None
+    results = plan_files(everything or mission, out, options, console, folder=several, profile=profile)
+    for summary, extra in results:
+        _finish(console, summary, extra, as_json and not several, where=Path(extra["file"]))
+    if as_json and several:
+        _print_json({"plans": [{**summary.to_dict(), **extra} for summary, extra in results]})
+    raise typer.Exit(0 if all(summary.holds for summary, _ in results) else 1)
 
 
 @app.command()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mpc_cover import __version__
-from mpc_cover.errors import InvalidInputError, Problem, UserError
+from mpc_cover.errors import UserError
 from mpc_cover.model.sensing import covered_at
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.planner import Search
@@ -15,57 +17,119 @@ from mpc_cover.planning.task import Task
 from mpc_cover.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mpc_cover.mission.load import Mission
+    from mpc_cover.planning.task import Candidate
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """How to plan.
+
+    Attributes
+    ----------
+    backend : QP back-end.
+    seed : of the random starts.
+    starts : guesses that are told apart.
+    time_limit_s : of the whole search; None for none, and the same result every time.
+    min_time : whether to search for the shortest plan that covers everything, instead of a fixed duration.
+    """
+
+    backend: str = "piqp"
+    seed: int = 0
+    starts: int = 10
+    time_limit_s: float | None = None
+    min_time: bool = False
 
 
 def plan_mission(
-    mission: Mission, *, backend: str = "piqp", seed: int = 0, deadline: float | None = None
+    mission: Mission, options: PlanOptions | None = None, told: Callable[[str], None] | None = None
 ) -> Trajectory:
-    """Return the best plan found for the mission's `planning.duration_s`, from the start at rest to rest.
+    """Return the best plan found, between the ends that the mission's `planning` asks for.
 
-    Deterministic without a `deadline` (on `time.perf_counter`); `seed` is kept with the result.
+    Deterministic without a time limit; `told` hears of the search. The result's meta says what it is worth.
 
     Raises
     ------
-    InvalidInputError
-        The duration is shorter than two periods.
     UserError
-        Unknown back-end, or no motion keeps the constraints.
+        Unknown back-end, or no motion that keeps the constraints was found.
     """
-    engine, period = Engine(backend), mission.spec.control.period_s
-    steps = round(mission.spec.planning.duration_s / period)
-    if steps < 2:  # noqa: PLR2004 - to leave and to stop
-        problem = Problem("planning.duration_s", mission.spec.planning.duration_s, "must be at least two periods")
-        raise InvalidInputError(f"mission {mission.spec.name}", [problem])
-    start = mission.fleet.start
-    weight = np.tile(mission.field.weight, (mission.fleet.radius.shape[1], 1))
-    planning = mission.spec.planning
-    task = Task(
-        mission.fleet,
+    options = options or PlanOptions()
+    engine, task = Engine(options.backend), offline_task(mission)
+    steps = round(mission.spec.planning.duration_s / task.period)
+    deadline = None if options.time_limit_s is None else time.perf_counter() + options.time_limit_s
+    search = Search(starts=options.starts, finalists=3, seed=options.seed)
+    if options.min_time:
+        found = engine.shortest(task, search, deadline, _teller(task.period, told))
+    else:
+        found = engine.fixed(task, steps, search, deadline)
+    if not found.feasible:
+        raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
+    return _trajectory(mission, options, found)
+
+
+def offline_task(mission: Mission) -> Task:
+    """Return the task of covering a mission from scratch."""
+    fleet, planning = mission.fleet, mission.spec.planning
+    goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if planning.end == "fixed" else None
+    return Task(
+        fleet,
         mission.field.cell,
-        weight,
-        start,
-        np.zeros_like(start),
+        np.tile(mission.field.weight, (fleet.radius.shape[1], 1)),
+        fleet.start,
+        np.zeros_like(fleet.start),
         0.0,
-        period,
+        mission.spec.control.period_s,
         start_free=planning.start == "free",
         end=planning.end,
-        goal=np.array([agent.end_m for agent in mission.spec.fleet.agents]) if planning.end == "fixed" else None,
+        goal=goal,
     )
-    found = engine.fixed(task, steps, Search(starts=10, finalists=3, seed=seed), deadline)
-    if not found.feasible:
-        raise UserError(f"mission {mission.spec.name}: no motion was found that keeps separation and connectivity")
+
+
+def _teller(period: float, told: Callable[[str], None] | None) -> Callable[[int, Candidate], None] | None:
+    if told is None:
+        return None
+
+    def tell(steps: int, candidate: Candidate) -> None:
+        outcome = "covers everything" if candidate.complete else f"J = {candidate.cost:.4g} m"
+        told(f"{steps * period:.4g} s: {outcome} ({candidate.kind})")
+
+    return tell
+
+
+def _trajectory(mission: Mission, options: PlanOptions, found: Candidate) -> Trajectory:
     plan = found.plan
-    first = covered_at(plan.time(), plan.position, mission.field.cell, mission.fleet.radius)
-    meta = {"kind": "plan", "version": __version__, "seed": seed, "backend": backend, "cost_m": found.cost}
     return Trajectory(
         time=plan.time(),
         position=plan.position,
         velocity=plan.velocity,
         input=plan.input,
         cell=mission.field.cell,
-        covered_at=first,
+        covered_at=covered_at(plan.time(), plan.position, mission.field.cell, mission.fleet.radius),
         agent_id=mission.fleet.ids,
         mission=mission,
-        meta={**meta, "guess": found.kind},
+        meta={
+            "kind": "plan",
+            "version": __version__,
+            "seed": options.seed,
+            "backend": options.backend,
+            "cost_m": found.cost,
+            "guess": found.kind,
+            **_solver_meta(found),
+        },
     )
+
+
+def _solver_meta(found: Candidate) -> dict[str, Any]:
+    """Return why the search stopped, and the residuals of the last subproblem."""
+    stages = found.refined.stages if found.refined is not None else ()
+    if found.cost == 0.0:
+        stopped = "Everything is covered: J = 0 is the least there is."
+    else:
+        stopped = stages[-1].outcome.sentence if stages else "No start could be refined in time."
+    meta: dict[str, Any] = {"stopped": stopped, "subproblems": sum(stage.iterations for stage in stages)}
+    residuals = next((stage.residuals for stage in reversed(stages) if stage.residuals is not None), None)
+    if residuals is not None:
+        meta["kkt_residual"] = max(residuals.primal, residuals.dual)
+    return meta

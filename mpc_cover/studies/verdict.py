@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.constraints.pairs import all_pairs, linked_pairs
 from mpc_cover.coverage.nearest import nearest_samples
+from mpc_cover.trajectory import Trajectory
 from mpc_cover.verification.connectivity import bottleneck
 from mpc_cover.verification.ends import check_plan_ends
 from mpc_cover.verification.motion import verify_motion
@@ -15,13 +17,15 @@ from mpc_cover.verification.motion import verify_motion
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.studies.case import Case
-    from mpc_cover.verification.report import Report
+    from mpc_cover.verification.report import Check
 
 TOLERANCE = 1e-4
 """What anyone may exceed a limit by [m, m/s, m/s^2]: general solvers stop at about 1e-6 of squared limits."""
 
 _TIE = 1e-9
 """A cell at distance exactly rho is covered, whatever the last bit says [m]."""
+_BETWEEN = frozenset({"box", "separation", "connectivity", "links kept"})
+"""Checks that the verifier makes between the samples, too."""
 
 
 @dataclass(frozen=True)
@@ -32,10 +36,10 @@ class Verdict:
     ----------
     cost : J (4.34), with the hard minimum and no margin [m].
     covered_percent : of the cells that matter, all their magnitudes measured at samples.
-    sampled : worst violation when the pairs are looked at only at the samples, as (4.18) to (4.20) are written.
-    path : worst violation along the continuous path, all the verifier's checks.
+    sampled : worst violation when box and pairs are looked at only at the samples, as (4.15) to (4.20) are written.
+    path : worst violation along the continuous path: all the verifier's checks.
     separation_sampled, separation_path : smallest distance less rho_B [m]; None where it is not asked for.
-    worst : the check with the smallest margin along the path, in the verifier's words.
+    worst : what is violated most along the path, in the verifier's words; empty when everything holds.
     """
 
     cost: float
@@ -48,7 +52,7 @@ class Verdict:
 
     @property
     def holds_sampled(self) -> bool:
-        """Whether everything holds at the samples: what a peer's NLP asks for."""
+        """Whether everything holds at the samples: what the NLP asks for."""
         return self.sampled <= TOLERANCE
 
     @property
@@ -66,47 +70,68 @@ def judge(case: Case, x: FloatArray) -> Verdict:
     """Judge a decision vector; one with numbers that are not finite violates everything infinitely."""
     if not np.isfinite(x).all():
         return Verdict(np.inf, 0.0, np.inf, np.inf, None, None, "numbers: not finite")
-    fleet, window = case.mission.fleet, case.window
-    position, velocity = window.motion(x)
-    report = _report(case, position, velocity, pairs=True)
+    position, velocity = case.window.motion(x)
+    checks = _checks(case, position, velocity)
     cost, covered = _coverage(case, position)
-    apart, linked = _pairs_at_samples(case, position)
-    alone = _report(case, position, velocity, pairs=False)
-    path_margin = next((check.margin for check in report.checks if check.name == "separation"), None)
-    worst = min(report.checks, key=lambda check: check.margin)
+    apart, others = _slack_at_samples(case, position)
+    alone = [check.margin for check in checks if check.name not in _BETWEEN]
+    worst = min(checks, key=lambda check: check.margin)
     return Verdict(
         cost=cost,
         covered_percent=covered,
-        sampled=max(_violation(alone), -apart, -linked, 0.0),
-        path=_violation(report),
-        separation_sampled=apart if fleet.size > 1 and fleet.separation_min > 0.0 else None,
-        separation_path=path_margin,
-        worst=str(worst),
+        sampled=max(0.0, -min(*alone, others, np.inf if apart is None else apart)),
+        path=max(0.0, -worst.margin),
+        separation_sampled=apart,
+        separation_path=next((check.margin for check in checks if check.name == "separation"), None),
+        worst="" if worst.margin >= -TOLERANCE else f"{worst.name} {worst.margin:.2g} {worst.unit} ({worst.where})",
     )
 
 
-def _violation(report: Report) -> float:
-    return max(0.0, *(-check.margin for check in report.checks))
-
-
-def _report(case: Case, position: FloatArray, velocity: FloatArray, *, pairs: bool) -> Report:
-    """Verify a motion (N+1, m, d) with or without what ties pairs together between the samples."""
-    fleet, ends = case.mission.fleet, case.window.ends
-    if not pairs:
-        fleet = replace(fleet, separation_min=0.0, communication_range=np.inf, links=())
-    start = None
-    if ends.start_position is not None and ends.start_velocity is not None:
-        start = (ends.start_position, ends.start_velocity)
+def _checks(case: Case, position: FloatArray, velocity: FloatArray) -> list[Check]:
+    """Return what the verifier says of a motion (N+1, m, d), the ends that the mission asks for included."""
+    mission, ends = case.mission, case.window.ends
+    given = ends.start_position is not None and ends.start_velocity is not None
     force = np.diff(velocity, axis=0) / case.window.period
-    planning = case.mission.spec.planning
     report = verify_motion(
-        fleet,
+        mission.fleet,
         case.time(),
         position,
         velocity,
         force,
         tolerance=TOLERANCE,
-        at_rest=planning.end in {"rest", "fixed"},
-        start=start,
+        at_rest=mission.spec.planning.end in {"rest", "fixed"},
+        start=(mission.fleet.start, np.zeros_like(mission.fleet.start)) if given else None,
     )
-    return report
+    unknown = np.full(mission.field.size, np.inf)
+    ids, cell = mission.fleet.ids, mission.field.cell
+    trajectory = Trajectory(case.time(), position, velocity, force, cell, unknown, ids, mission)
+    return [*report.checks, *check_plan_ends(trajectory, TOLERANCE)]
+
+
+def _coverage(case: Case, position: FloatArray) -> tuple[float, float]:
+    """Return J (4.34) [m], and the percentage of cells with a positive weight that are covered."""
+    window = case.window
+    nearest = nearest_samples(position, window.cell, window.fleet.radius, window.weight, 1)
+    excess = nearest.excess[:, 0]
+    left = np.zeros(window.cell.shape[0], dtype=bool)
+    left[nearest.cell[excess > _TIE]] = True
+    matters = (window.weight > 0.0).any(axis=0)
+    covered = int(matters.sum() - left.sum())
+    percent = 100.0 * covered / max(int(matters.sum()), 1)
+    return float(nearest.weight @ np.maximum(excess, 0.0)), percent if left.any() else 100.0
+
+
+def _slack_at_samples(case: Case, position: FloatArray) -> tuple[float | None, float]:
+    """Return the slack [m] of the separation, None where it is not asked for, and of box, connectivity and links."""
+    fleet = case.mission.fleet
+    others = [float(np.minimum(position - fleet.motion_min, fleet.motion_max - position).min())]
+    if fleet.size == 1:
+        return None, others[0]
+    one, two = all_pairs(fleet.size)
+    length = np.linalg.norm(position[:, one] - position[:, two], axis=2)
+    if np.isfinite(fleet.communication_range):
+        others.append(fleet.communication_range - float(bottleneck(length, fleet.size).max()))
+        linked = length[:, linked_pairs(fleet.size, fleet.links)]
+        others.append(fleet.communication_range - float(linked.max(initial=0.0)))
+    apart = float(length.min()) - fleet.separation_min if fleet.separation_min > 0.0 else None
+    return apart, min(others)

@@ -1,0 +1,102 @@
+"""Planning mission files one after another: `mpc-cover plan`."""
+
+from __future__ import annotations
+
+import cProfile
+import pstats
+import time
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpc_cover.errors import UnreadableFileError, UserError
+from mpc_cover.mission.load import load_mission
+from mpc_cover.planning.offline import PlanOptions, plan_mission
+from mpc_cover.trajectory import save_trajectory
+from mpc_cover.verification.check import check_trajectory
+from mpc_cover.verification.summary import RunSummary, summarise
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rich.console import Console
+
+_PROFILED = 18
+"""Lines of a profile."""
+
+
+def plan_files(
+    what: str | Path, out: Path | None, options: PlanOptions, console: Console, *, folder: bool, profile: bool
+) -> list[tuple[RunSummary, dict[str, Any]]]:
+    """Plan one mission, or every mission of a folder; write and verify each; return summaries and extras.
+
+    Raises
+    ------
+    UserError
+        A folder without missions, or a file that cannot be written; before the work where that can be told.
+    """
+    if not folder:
+        file = out or Path("plan.npz")
+        _check_writable(file)
+        return [_plan(str(what), file, options, console, profile=profile)]
+    missions = sorted(Path(what).glob("*.yaml")) if Path(what).is_dir() else []
+    if not missions:
+        raise UnreadableFileError(f"--all {what}: is no folder with missions (*.yaml)")
+    for mission in missions:
+        load_mission(mission)  # every mistake before the first hour of work
+    target = out or Path("plans")
+    _make_folder(target)
+    files = [target / f"{mission.stem}.npz" for mission in missions]
+    return [_plan(str(m), f, options, console, profile=profile) for m, f in zip(missions, files, strict=True)]
+
+
+def _plan(
+    name: str, file: Path, options: PlanOptions, console: Console, *, profile: bool
+) -> tuple[RunSummary, dict[str, Any]]:
+    mission = load_mission(name)
+    begun = time.perf_counter()
+    with _profiled(console, wanted=profile), console.status(f"{mission.spec.name}: plans"):
+        trajectory = plan_mission(mission, options, told=lambda line: console.print(line, highlight=False))
+    seconds = time.perf_counter() - begun
+    save_trajectory(trajectory, file)
+    summary = summarise(trajectory, check_trajectory(trajectory))
+    meta = trajectory.meta
+    console.print(
+        f"J = {meta['cost_m']:.6g} m after {meta['subproblems']} subproblems from {meta['guess']}, "
+        f"{seconds:.2f} s in all. {meta['stopped']}",
+        highlight=False,
+    )
+    kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual")
+    extra = {"file": str(file), "computing_time_s": round(seconds, 3), **{name: meta.get(name) for name in kept}}
+    return summary, extra
+
+
+@contextmanager
+def _profiled(console: Console, *, wanted: bool) -> Iterator[None]:
+    """Print where the time went, by own time."""
+    if not wanted:
+        yield
+        return
+    profiler = cProfile.Profile()
+    with profiler:
+        yield
+    stats: dict[tuple[str, int, str], tuple[int, int, float, float, Any]] = pstats.Stats(profiler).stats  # type: ignore[attr-defined]
+    total = sum(entry[2] for entry in stats.values())
+    console.print(f"profile: {total:.2f} s in all, slowed by the profiler; own time, share, calls, function")
+    for (path, _, function), (_, calls, own, _, _) in sorted(stats.items(), key=lambda item: -item[1][2])[:_PROFILED]:
+        place = "/".join(Path(path).parts[-2:])
+        console.print(f"{own:8.3f} s {own / total:6.1%} {calls:8d}  {place}:{function}", highlight=False, markup=False)
+
+
+def _check_writable(file: Path) -> None:
+    if file.suffix != ".npz":
+        raise UserError(f"--out {file}: must end in .npz")
+    if file.is_dir() or not file.parent.is_dir():
+        raise UserError(f"--out {file}: cannot be written: must be a file in a folder that exists")
+
+
+def _make_folder(target: Path) -> None:
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out {target}: cannot be made: {error.strerror or error}") from None

@@ -1,0 +1,118 @@
+"""A peer's stop-watch: it hands over iterates as they come, and stands still while they are judged."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from mpc_cover.studies.verdict import Verdict, judge
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.studies.case import Case
+
+
+class Enough(Exception):  # noqa: N818 - no error: a way out of a solver that asks for no leave to stop
+    """The time is up, or nothing is left to be gained."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """An iterate: when it was there [s], its decision vector, and what it is worth."""
+
+    time_s: float
+    x: FloatArray
+    verdict: Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a peer ends with.
+
+    Attributes
+    ----------
+    x : its last decision vector; the best iterate it showed may be better.
+    iterations : in the peer's own counting (QPs, or interior-point steps).
+    status : its own words for why it ended.
+    time_s : on its stop-watch.
+    """
+
+    x: FloatArray
+    iterations: int
+    status: str
+    time_s: float
+
+
+class Peer(Protocol):
+    """Solves a case from a decision vector; calls `watch.begin` once it is set up, and `watch.see` as it goes."""
+
+    def __call__(self, case: Case, x: FloatArray, watch: Watch) -> Answer:
+        """Return the answer; may raise anything, which then is what its row of the table says."""
+        ...
+
+
+class Watch:
+    """Measures one peer.
+
+    Setting up (building symbolic graphs, compiling) is timed apart from solving; judging iterates is not
+    counted at all. Everyone is stopped by the same rule: when the time is up, or when an iterate covers
+    everything and holds along the continuous path, as then no J can be lower.
+
+    Parameters
+    ----------
+    case : what is solved.
+    limit_s : time for solving.
+    report : told when solving begins (None), and each iterate.
+    clock : monotonic seconds.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        limit_s: float,
+        report: Callable[[Sighting | None], None],
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self._case, self._limit_s, self._report, self._clock = case, limit_s, report, clock
+        self._created = self._origin = clock()
+        self.setup_s = 0.0
+        self.complete = False
+
+    def begin(self) -> None:
+        """Start the watch: what came before was setting up."""
+        self._origin = self._clock()
+        self.setup_s = self._origin - self._created
+        self._report(None)
+
+    @property
+    def elapsed_s(self) -> float:
+        """Seconds since `begin`, without those that judging took."""
+        return self._clock() - self._origin
+
+    @property
+    def deadline(self) -> float:
+        """When the time will be up, on the clock; judging postpones it."""
+        return self._origin + self._limit_s
+
+    @property
+    def enough(self) -> bool:
+        """Whether to stop."""
+        return self.complete or self.elapsed_s >= self._limit_s
+
+    def see(self, x: FloatArray) -> bool:
+        """Judge an iterate and pass it on; return whether to stop."""
+        stopped = self._clock()
+        sighting = Sighting(stopped - self._origin, x.copy(), judge(self._case, x))
+        self.complete = self.complete or sighting.verdict.complete
+        self._report(sighting)
+        self._origin += self._clock() - stopped
+        return self.enough
+
+    def answer(self, x: FloatArray, iterations: int, status: str) -> Answer:
+        """Return the answer as of now, after a last look at it."""
+        elapsed = self.elapsed_s
+        self.see(x)
+        return Answer(x, iterations, status, elapsed)
