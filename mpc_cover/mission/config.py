@@ -166,6 +166,21 @@ class Planning(Model):
     """At rest anywhere, in any state, at rest at `end_m`, or in the state that the plan starts from."""
 
 
+class Disturbance(Model):
+    """Bounds on what simulated agents suffer; the controller's margins are derived from them."""
+
+    position_noise_m: NonNegative = 0.0
+    """Measured positions are off by at most this, uniformly in a ball."""
+    input_noise_m_per_s2: NonNegative = 0.0
+    """Accelerations are off by at most this, uniformly in a ball, anew each state period."""
+    wind_m_per_s2: Annotated[tuple[Finite, ...], Field(max_length=3)] = ()
+    """A constant acceleration that acts on everyone."""
+    delay_s: NonNegative = 0.0
+    """States reach the controller this late, at most a period."""
+    slow_agents: dict[Name, Annotated[float, Field(gt=0, le=1)]] = {}
+    """Agents that reach only this part of their speed, without knowing."""
+
+
 class MissionSpec(Model):
     """A whole mission file."""
 
@@ -177,3 +192,4 @@ class MissionSpec(Model):
     """What must be measured everywhere (Xi of 4.1); radii may differ for each."""
     control: Control = Control()
     planning: Planning = Planning()
+    disturbance: Disturbance = Disturbance()
