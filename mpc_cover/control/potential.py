@@ -31,8 +31,8 @@ class CoverageShape:
         that whoever is that near measures the cell.
     """
 
-    alpha: float = 3.0
-    core_m: float = 0.25
+    alpha: float = 4.0
+    core_m: float = 0.5
 
     def __post_init__(self) -> None:
         if not (1.0 < self.alpha < np.inf and 0.0 < self.core_m < np.inf):
@@ -103,6 +103,8 @@ def collision_potential(position: FloatArray, bounds: Coordination) -> FloatArra
 
 def collision_gradient(position: FloatArray, bounds: Coordination) -> FloatArray:
     """Return (m, d): the sum over j of d g_coll / d q_i; it points towards those who are too near (6.2)."""
+    if bounds.separation_m == 0.0:
+        return np.zeros_like(position)
     direction, length = pair_directions(position)
     gap = np.maximum(length - bounds.separation_m, _GAP)
     near = length < bounds.repel_within_m
@@ -119,10 +121,12 @@ def connectivity_potential(position: FloatArray, kept: BoolArray, bounds: Coordi
 
 def connectivity_gradient(position: FloatArray, kept: BoolArray, bounds: Coordination) -> FloatArray:
     """Return (m, d): the sum over kept j of d g_conn / d q_i; it points away from those who are too far (6.6)."""
+    if np.isinf(bounds.range_m):
+        return np.zeros_like(position)
     direction, length = pair_directions(position)
-    gap = np.maximum(bounds.range_m - length, _GAP)
     far = kept & (length > bounds.attract_beyond_m)
-    slope = np.where(far, (bounds.range_m - bounds.attract_beyond_m) / gap**2 if far.any() else 0.0, 0.0)
+    gap = np.maximum(bounds.range_m - np.where(far, length, 0.0), _GAP)
+    slope = np.where(far, (bounds.range_m - bounds.attract_beyond_m) / gap**2, 0.0)
     return np.asarray((slope[:, :, None] * direction).sum(axis=1))
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from mpc_cover.control.fallback import Rung, brake_plan, shifted_plan
 from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
+from mpc_cover.errors import UserError
 from mpc_cover.information.coverage_map import CoverageMap
 from mpc_cover.model.sensing import measured
 from mpc_cover.planning.engine import Engine, resampled
@@ -63,6 +64,10 @@ class RecedingHorizon:
     """
 
     def __init__(self, mission: Mission, *, backend: str = "piqp", seed: int = 0) -> None:
+        if mission.spec.area.looks > 1:
+            raise UserError(
+                f"area.looks: {mission.spec.area.looks}: only `plan` plans for several looks, flights do not"
+            )
         self._mission = mission
         self._period = mission.spec.control.period_s
         self._engine = Engine(backend)

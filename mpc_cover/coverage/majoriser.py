@@ -48,10 +48,15 @@ def soft_minimum(excess: FloatArray, beta: float) -> tuple[FloatArray, FloatArra
 
 
 def soft_cost(
-    position: FloatArray, cell: FloatArray, radius: FloatArray, weight: FloatArray, softness: Softness
+    position: FloatArray,
+    cell: FloatArray,
+    radius: FloatArray,
+    weight: FloatArray,
+    softness: Softness,
+    looks: IntArray | None = None,
 ) -> float:
     """Return J_beta = sum gamma pos(softmin_beta(e) + margin) [m]: what a majorise-minimise step lowers."""
-    nearest = nearest_samples(position, cell, radius, weight, softness.count)
+    nearest = nearest_samples(position, cell, radius, weight, softness.count, looks)
     value, _ = soft_minimum(nearest.excess, softness.beta)
     return float(nearest.weight @ np.maximum(value + softness.margin, 0.0))
 
@@ -101,10 +106,15 @@ class Majoriser:
 
 
 def build_majoriser(
-    position: FloatArray, cell: FloatArray, radius: FloatArray, weight: FloatArray, softness: Softness
+    position: FloatArray,
+    cell: FloatArray,
+    radius: FloatArray,
+    weight: FloatArray,
+    softness: Softness,
+    looks: IntArray | None = None,
 ) -> Majoriser:
     """Return the majoriser of J_beta around a motion (N+1, m, d) [m]; arguments as in `soft_cost`."""
-    nearest = nearest_samples(position, cell, radius, weight, softness.count)
+    nearest = nearest_samples(position, cell, radius, weight, softness.count, looks)
     value, share = soft_minimum(nearest.excess, softness.beta)
     direction = _directions(position.reshape(-1, position.shape[2]), cell, nearest)
     level = value + softness.margin

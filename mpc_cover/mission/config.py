@@ -93,6 +93,9 @@ class Area(Model):
     """Lower corner of the box that agents stay in (3.14); default: W's bounding box."""
     motion_max_m: Point | None = None
     """Upper corner of the box that agents stay in (3.13); default: W's bounding box."""
+    looks: Annotated[int, Field(ge=1, le=100)] = 1
+    """K: how often each cell must be looked at (K-coverage, 5.2.1). A look is one agent's; its next at the same
+    cell counts a period later."""
     weights: WeightMap | None = None
     """How much each cell matters; left out, all the same."""
 

@@ -22,12 +22,38 @@ def measured(position: FloatArray, cell: FloatArray, radius: FloatArray) -> Bool
     return np.asarray((distance[:, None, :] <= radius[:, :, None] + _TIE).any(axis=0))
 
 
-def covered_at(time: FloatArray, position: FloatArray, cell: FloatArray, radius: FloatArray) -> FloatArray:
+def covered_at(
+    time: FloatArray,
+    position: FloatArray,
+    cell: FloatArray,
+    radius: FloatArray,
+    looks: int = 1,
+    period: float = 0.0,
+) -> FloatArray:
     """Return (K,) [s]: the first of the (T,) sample times by which every magnitude was measured; inf where never.
 
-    `position` is (T, m, d) [m].
+    `position` is (T, m, d) [m]. With several `looks`, an agent's next look at a cell counts a `period` [s]
+    after its last.
     """
+    if looks > 1:
+        return _looked_at(time, position, cell, radius, looks, period)
     first = np.full((radius.shape[1], cell.shape[0]), np.inf)
     for t, now in zip(time, position, strict=True):
         first = np.where(measured(now, cell, radius), np.minimum(first, t), first)
+    return np.asarray(first.max(axis=0))
+
+
+def _looked_at(
+    time: FloatArray, position: FloatArray, cell: FloatArray, radius: FloatArray, looks: int, period: float
+) -> FloatArray:
+    agents, magnitudes = radius.shape
+    last = np.full((agents, magnitudes, cell.shape[0]), -np.inf)
+    count = np.zeros((magnitudes, cell.shape[0]), dtype=int)
+    first = np.full(count.shape, np.inf)
+    for t, now in zip(time, position, strict=True):
+        distance = np.linalg.norm(now[:, None, :] - cell[None], axis=2)
+        seen = (distance[:, None, :] <= radius[:, :, None] + _TIE) & (t - last >= period * (1.0 - 1e-6))
+        last[seen] = t
+        count += seen.sum(axis=0)
+        first = np.where((count >= looks) & np.isinf(first), t, first)
     return np.asarray(first.max(axis=0))

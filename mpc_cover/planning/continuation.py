@@ -117,7 +117,7 @@ def judge(window: Window, x: FloatArray) -> Refined:
     """Return what a decision vector is worth as it stands."""
     problem = CoverageProblem(window, Settings(softness_at(SHARPNESS[-1], length_scale(window))))
     position, _ = window.motion(x)
-    cost = coverage_cost(position, window.cell, window.fleet.radius, window.weight)
+    cost = coverage_cost(position, window.cell, window.fleet.radius, window.weight, window.looks)
     return Refined(x, cost, problem.measure(x).violation, ())
 
 

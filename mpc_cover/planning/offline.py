@@ -71,7 +71,7 @@ def plan_mission(
 
 def offline_task(mission: Mission) -> Task:
     """Return the task of covering a mission from scratch."""
-    fleet, planning = mission.fleet, mission.spec.planning
+    fleet, planning, looks = mission.fleet, mission.spec.planning, mission.spec.area.looks
     goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if planning.end == "fixed" else None
     return Task(
         fleet,
@@ -84,6 +84,7 @@ def offline_task(mission: Mission) -> Task:
         start_free=planning.start == "free",
         end=planning.end,
         goal=goal,
+        looks=None if looks == 1 else np.full((fleet.radius.shape[1], mission.field.size), looks),
     )
 
 
@@ -106,7 +107,9 @@ def _trajectory(mission: Mission, options: PlanOptions, found: Candidate) -> Tra
         velocity=plan.velocity,
         input=plan.input,
         cell=mission.field.cell,
-        covered_at=covered_at(plan.time(), plan.position, mission.field.cell, mission.fleet.radius),
+        covered_at=covered_at(
+            plan.time(), plan.position, mission.field.cell, mission.fleet.radius, mission.spec.area.looks, plan.period
+        ),
         agent_id=mission.fleet.ids,
         mission=mission,
         meta={

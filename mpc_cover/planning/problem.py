@@ -35,7 +35,9 @@ class CoverageProblem:
         """Return J_beta [m] and how much the constraints are violated, between the samples too."""
         window = self.window
         position, velocity = window.motion(x)
-        cost = soft_cost(position, window.cell, window.fleet.radius, window.weight, self.settings.softness)
+        cost = soft_cost(
+            position, window.cell, window.fleet.radius, window.weight, self.settings.softness, window.looks
+        )
         excess = self._excess(position, velocity)
         worst = max(float(part.max(initial=0.0)) for part in excess)
         return Measure(objective=cost, violation=worst, penalty=float(sum(part.sum() for part in excess)))

@@ -111,7 +111,7 @@ def _add_bounds(found: Reference, window: Window, bar_q: FloatArray, radius: flo
 
 def _add_coverage(found: Reference, window: Window, settings: Settings, bar_q: FloatArray, radius: float) -> None:
     """Add sum gamma pos(level + sum slope . (q - qbar)), and the curvature of the terms above zero."""
-    majoriser = build_majoriser(bar_q, window.cell, window.fleet.radius, window.weight, settings.softness)
+    majoriser = build_majoriser(bar_q, window.cell, window.fleet.radius, window.weight, settings.softness, window.looks)
     agents, dimension = window.fleet.start.shape
     reach = radius * np.sqrt(dimension)
     moved = cp.vec(cp.vstack([found.position[n] - bar_q[n] for n in range(window.steps + 1)]), order="C")

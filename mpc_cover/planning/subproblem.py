@@ -117,7 +117,9 @@ def build_subproblem(
     """Return the QP around the decision vector `x` with trust region `radius` [m]."""
     layout = Layout(window.steps, *window.fleet.start.shape)
     position, velocity = window.motion(x)
-    majoriser = build_majoriser(position, window.cell, window.fleet.radius, window.weight, settings.softness)
+    majoriser = build_majoriser(
+        position, window.cell, window.fleet.radius, window.weight, settings.softness, window.looks
+    )
     terms = coverage_terms(layout, position, majoriser, radius)
     box = (window.fleet.motion_min, window.fleet.motion_max)
     hard = motion_rows(window, settings, layout, velocity)

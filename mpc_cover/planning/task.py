@@ -15,7 +15,7 @@ from mpc_cover.planning.plan import Plan
 from mpc_cover.planning.window import Window
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.planning.continuation import Refined
     from mpc_cover.planning.follow import Motion
@@ -37,6 +37,7 @@ class Task:
     start_free : whether plans may start elsewhere; `position` is then a hint.
     end : at "rest" anywhere, "free", "fixed" (at rest at `goal`), or "closed" (in the state of the start).
     goal : (m, d) [m], for a fixed end.
+    looks : (J, K) looks owed; None for one each.
     """
 
     fleet: Fleet
@@ -49,6 +50,7 @@ class Task:
     start_free: bool = False
     end: Literal["rest", "free", "fixed", "closed"] = "rest"
     goal: FloatArray | None = None
+    looks: IntArray | None = None
 
     @property
     def least_steps(self) -> int:
@@ -65,7 +67,7 @@ class Task:
             end_velocity=np.zeros_like(self.velocity) if self.end in {"rest", "fixed"} else None,
             closed=self.end == "closed",
         )
-        return Window(self.fleet, self.cell, self.weight, steps, self.period, ends)
+        return Window(self.fleet, self.cell, self.weight, steps, self.period, ends, self.looks)
 
     def owed_after(self, plan: Plan) -> FloatArray:
         """Return the weights (J, K) of what a plan's samples leave over."""

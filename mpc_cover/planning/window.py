@@ -12,7 +12,7 @@ from mpc_cover.constraints.pairs import linked_pairs, pair_distances
 from mpc_cover.model.motion import roll_out
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.constraints.boundary import Ends
     from mpc_cover.coverage.majoriser import Softness
     from mpc_cover.mission.fleet import Fleet
@@ -47,6 +47,7 @@ class Window:
     steps : N.
     period : T_s [s].
     ends : states at sample 0 and N that are given, (m, d) [m], [m/s].
+    looks : (J, K) looks owed; None for one each.
     """
 
     fleet: Fleet
@@ -55,6 +56,7 @@ class Window:
     steps: int
     period: float
     ends: Ends
+    looks: IntArray | None = None
 
     @property
     def first(self) -> int:

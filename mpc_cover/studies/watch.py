@@ -65,7 +65,7 @@ class Watch:
     ----------
     case : what is solved.
     limit_s : time for solving.
-    report : told when solving begins (None), and each iterate.
+    report : told the seconds that setting up took, once solving begins, and then each iterate.
     clock : monotonic seconds.
     """
 
@@ -73,19 +73,19 @@ class Watch:
         self,
         case: Case,
         limit_s: float,
-        report: Callable[[Sighting | None], None],
+        report: Callable[[float | Sighting], None],
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._case, self._limit_s, self._report, self._clock = case, limit_s, report, clock
         self._created = self._origin = clock()
-        self.setup_s = 0.0
         self.complete = False
 
-    def begin(self) -> None:
-        """Start the watch: what came before was setting up."""
+    def begin(self, x: FloatArray | None = None) -> None:
+        """Start the watch: what came before was setting up. `x` is what the peer starts from, if it is given."""
         self._origin = self._clock()
-        self.setup_s = self._origin - self._created
-        self._report(None)
+        self._report(self._origin - self._created)
+        if x is not None:
+            self.see(x)
 
     @property
     def elapsed_s(self) -> float:

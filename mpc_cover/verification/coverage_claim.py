@@ -40,8 +40,13 @@ def check_coverage(trajectory: Trajectory) -> list[Check]:
 def first_measured(trajectory: Trajectory, radius: FloatArray) -> FloatArray:
     """Return (K,) [s]: the first sample by which every magnitude was measured on each cell; inf where never.
 
-    `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude.
+    `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude. Missions that ask for several
+    looks count each agent's at least a period apart.
     """
+    looks = trajectory.mission.spec.area.looks
+    if looks > 1:
+        period = trajectory.mission.spec.control.period_s
+        return np.max([_when_looked_at(trajectory, reach, looks, period) for reach in radius.T], axis=0)
     done = np.zeros(trajectory.cell.shape[0])
     for reach in radius.T:
         first = np.full_like(done, np.inf)
@@ -56,6 +61,19 @@ def first_measured(trajectory: Trajectory, radius: FloatArray) -> FloatArray:
                 break
         done = np.maximum(done, first)
     return done
+
+
+def _when_looked_at(trajectory: Trajectory, reach: FloatArray, looks: int, period: float) -> FloatArray:
+    """Return (K,) [s] when the looks-th look at each cell was taken; agent by agent, then merged in time."""
+    times: list[list[float]] = [[] for _ in range(trajectory.cell.shape[0])]
+    for agent in np.flatnonzero(reach > 0.0):
+        free_at = np.full(trajectory.cell.shape[0], -np.inf)
+        for time, position in zip(trajectory.time, trajectory.position[:, agent], strict=True):
+            near = np.sum((trajectory.cell - position) ** 2, axis=1) <= reach[agent] ** 2
+            for k in np.flatnonzero(near & (time >= free_at)):
+                times[k].append(float(time))
+                free_at[k] = time + period * (1.0 - 1e-6)
+    return np.array([sorted(seen)[looks - 1] if len(seen) >= looks else np.inf for seen in times])
 
 
 def _check_cells(trajectory: Trajectory) -> Check:

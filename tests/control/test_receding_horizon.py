@@ -12,7 +12,7 @@ from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.errors import UserError
 from mpc_cover.mission.load import build_mission
 from mpc_cover.planning.continuation import Refined
-from mpc_cover.planning.planner import Candidate
+from mpc_cover.planning.task import Candidate
 from mpc_cover.verification.motion import verify_motion
 
 PERIOD = 0.5
@@ -69,7 +69,8 @@ def test_the_closed_loop_finishes_whatever_the_horizon(horizon):
     brain = RecedingHorizon(mission)
     flown, results = fly(mission, brain)
     assert brain.coverage.complete
-    assert {r.rung for r in results} <= {Rung.NEW, Rung.REST}
+    assert {r.rung for r in results} <= {Rung.NEW, Rung.SHIFTED, Rung.REST}
+    assert sum(r.rung is Rung.SHIFTED for r in results) < 0.2 * len(results)
     assert len(flown) * PERIOD < 12.0
     assert all(r.plan.steps >= horizon for r in results)
 
@@ -169,6 +170,13 @@ def test_a_missed_deadline_is_reported_and_the_plan_is_still_verified():
     result = brain.step(*start, PERIOD, deadline=time.perf_counter() - 1.0)
     assert result.deadline_missed
     assert holds(mission, result.plan, start)
+
+
+def test_a_mission_with_several_looks_is_refused_in_flight():
+    spec = small_mission().spec.model_dump(by_alias=True, exclude_none=True)
+    spec["area"]["looks"] = 2
+    with pytest.raises(UserError, match=r"area\.looks"):
+        RecedingHorizon(build_mission(spec, "small"))
 
 
 def test_an_unknown_back_end_is_a_clear_error():

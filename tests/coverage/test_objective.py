@@ -64,3 +64,24 @@ def test_pairwise_distance_is_the_euclidean_one():
     rng = np.random.default_rng(0)
     a, b = rng.normal(size=(5, 3)), rng.normal(size=(4, 3))
     assert pairwise_distance(a, b) == pytest.approx(np.linalg.norm(a[:, None] - b[None], axis=2))
+
+
+@given(seed=st.integers(0, 10**6), most=st.integers(1, 5))
+def test_several_looks_cost_the_sum_of_the_smallest_excesses(seed, most):
+    rng = np.random.default_rng(seed)
+    position, _ = random_motion(rng, 3, 2)
+    cell, radius = grid(4, 2.0), np.array([[0.5], [1.0]])
+    looks = rng.integers(1, most + 1, (1, 16))
+    weight = rng.uniform(0.5, 1.0, (1, 16))
+    excess = np.linalg.norm(position.reshape(-1, 2)[None] - cell[:, None], axis=2) - np.tile([0.5, 1.0], 4)
+    ranked = np.maximum(np.sort(excess, axis=1), 0.0)
+    expected = sum(weight[0, k] * ranked[k, : looks[0, k]].sum() for k in range(16))
+    assert coverage_cost(position, cell, radius, weight, looks) == pytest.approx(expected)
+
+
+def test_looks_at_one_cell_share_no_sample():
+    position, _ = random_motion(np.random.default_rng(1), 9, 2)
+    nearest = nearest_samples(position, grid(2), np.ones((2, 1)), np.ones((1, 4)), 3, np.full((1, 4), 4))
+    for k in range(4):
+        used = nearest.sample[nearest.cell == k].ravel()
+        assert used.size == len(set(used)) == 12

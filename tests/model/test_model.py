@@ -46,3 +46,13 @@ def test_a_cell_is_covered_when_its_last_magnitude_is():
     radius = np.array([[1.0, -np.inf], [-np.inf, 1.0]])
     first = covered_at(np.array([0.0, 0.5, 1.0]), position, np.array([[0.0, 0.0], [5.0, 5.0]]), radius)
     assert first.tolist() == [1.0, np.inf]
+
+
+def test_looks_count_once_a_period_for_each_agent():
+    time = np.array([0.0, 0.2, 0.5, 1.0])
+    here = np.zeros((4, 2, 2))
+    cell, radius = np.zeros((1, 2)), np.ones((2, 1))
+    assert covered_at(time, here, cell, radius, 2, 0.5).tolist() == [0.0]
+    assert covered_at(time, here, cell, radius, 4, 0.5).tolist() == [0.5]
+    assert covered_at(time, here, cell, radius, 6, 0.5).tolist() == [1.0]
+    assert covered_at(time, here, cell, radius, 7, 0.5).tolist() == [np.inf]

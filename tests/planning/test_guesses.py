@@ -16,7 +16,7 @@ from mpc_cover.model.sensing import measured
 from mpc_cover.planning.engine import resampled
 from mpc_cover.planning.follow import follow
 from mpc_cover.planning.guesses import rest_guess, sweep_guesses, tour_guess
-from mpc_cover.planning.lanes import assign, cut_lanes, strips
+from mpc_cover.planning.lanes import assign, cut_lanes, cut_snake, strips, swath_of, take_pieces
 from mpc_cover.verification.motion import verify_motion
 
 
@@ -59,12 +59,12 @@ def test_sweeps_and_tours_cover_nearly_everything_as_they_fly(name):
     fleet, cell = mission.fleet, mission.field.cell
     owed = np.ones((1, cell.shape[0]))
     kinds = set()
-    for guess in [*sweep_guesses(fleet, cell, owed, fleet.start), tour_guess(fleet, cell, owed, fleet.start)]:
+    for guess in [*sweep_guesses(fleet, cell, owed, fleet.start, PERIOD), tour_guess(fleet, cell, owed, fleet.start)]:
         flight = follow(guess.paths, fleet.start, np.zeros_like(fleet.start), fleet, PERIOD)
         seen = np.any([measured(q, cell, fleet.radius) for q in flight.position], axis=0)
         kinds.add(guess.kind.split()[0])
         assert seen.mean() > 0.95, guess.kind
-    assert kinds == {"strips", "comb", "tour"}
+    assert kinds == {"strips", "snake", "comb", "tour"}
 
 
 def test_a_tour_visits_what_is_left_over_with_whoever_can_measure_it():
@@ -84,12 +84,32 @@ def test_with_nothing_owed_everybody_stays():
     assert rest_guess(start).paths[0].tolist() == [[1.0, 2.0]]
 
 
-def test_lanes_are_at_most_a_sensing_disc_wide():
-    lanes = cut_lanes(grid(20, 0.5), 1.0, 0)
-    across = [lane.low[1] for lane in lanes]
-    assert np.diff(across).max() <= 2.0
+def test_lanes_are_as_few_as_the_swath_allows_and_leave_no_cell_out():
+    swath = swath_of(1.0, 1.5, PERIOD)
+    assert swath.half_width == pytest.approx(np.sqrt(1.0 - 0.375**2))
+    cell = grid(20, 0.5)
+    lanes = cut_lanes(cell, swath, 0)
+    across = np.array([lane.low[1] for lane in lanes])
+    assert len(lanes) == 5  # four rows of half a metre each
+    assert np.abs(cell[:, 1][:, None] - across).min(axis=1).max() <= swath.half_width
     assert all(lane.low[1] == lane.high[1] for lane in lanes)
-    assert cut_lanes(np.array([[1.0, 1.0]]), 1.0, 0)[0].low.tolist() == [1.0, 1.0]
+    assert len(cut_lanes(cell, swath, 0, count=6)) == 6
+    assert cut_lanes(np.array([[1.0, 1.0]]), swath, 0)[0].low.tolist() == [1.0, 1.0]
+
+
+def test_a_cut_snake_is_one_path_in_pieces_of_the_shares_asked_for():
+    lanes = cut_lanes(grid(20, 0.5), swath_of(1.0, 1.5, PERIOD), 0)
+    pieces = cut_snake(lanes, np.array([1.0, 2.0]), mirrored=False, upward=True)
+    length = [np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() for piece in pieces]
+    assert length[1] == pytest.approx(2.0 * length[0])
+    assert pieces[0][-1] == pytest.approx(pieces[1][0])
+
+
+def test_pieces_go_to_whoever_is_near_in_the_better_direction():
+    pieces = [np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([[9.0, 9.0], [5.0, 9.0]])]
+    flown = take_pieces(pieces, np.array([[5.0, 8.0], [4.0, 1.0]]), np.ones(2))
+    assert flown[0][0].tolist() == [5.0, 9.0]
+    assert flown[1][0].tolist() == [4.0, 0.0]
 
 
 def test_strips_share_out_in_proportion():
@@ -118,6 +138,6 @@ def test_the_cost_of_a_complete_sweep_is_near_zero():
     mission = load_mission("box-3")
     fleet, cell = mission.fleet, mission.field.cell
     owed = np.ones((1, cell.shape[0]))
-    guess = next(iter(sweep_guesses(fleet, cell, owed, fleet.start)))
+    guess = next(iter(sweep_guesses(fleet, cell, owed, fleet.start, PERIOD)))
     flight = follow(guess.paths, fleet.start, np.zeros_like(fleet.start), fleet, PERIOD)
     assert coverage_cost(flight.position, cell, fleet.radius, owed) < 2.0

@@ -13,8 +13,10 @@ from motions import PERIOD, grid
 from mpc_cover.errors import InvalidInputError, UserError
 from mpc_cover.mission.load import build_mission, load_mission
 from mpc_cover.planning.engine import Engine
-from mpc_cover.planning.offline import plan_mission
-from mpc_cover.planning.planner import Task, plan_for, plan_whole
+from mpc_cover.planning.offline import PlanOptions, offline_task, plan_mission
+from mpc_cover.planning.planner import Search, plan_for, starts
+from mpc_cover.planning.task import Task
+from mpc_cover.planning.whole import plan_shortest, plan_whole
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.motion import verify_motion
 from solvers.backends.registry import make_backend
@@ -46,7 +48,7 @@ def holds(task, plan):
 @pytest.mark.parametrize("backend", ["piqp", "osqp", "clarabel"])
 def test_a_whole_plan_covers_everything_and_verifies(backend):
     task = small_task()
-    found = plan_whole(task, make_backend(backend), attempts=3, starts=2)
+    found = plan_whole(task, make_backend(backend), attempts=3)
     assert found.complete
     assert holds(task, found.plan)
     assert found.plan.steps * PERIOD < 8.0
@@ -61,7 +63,7 @@ def test_a_single_agent_plans_too():
 
 def test_a_fleet_that_moves_is_planned_from_its_velocity():
     task = replace(small_task(), velocity=np.array([[0.0, 1.2], [0.0, 1.2]]))
-    found = plan_whole(task, make_backend("piqp"), attempts=2, starts=1)
+    found = plan_whole(task, make_backend("piqp"), attempts=2)
     assert found.feasible
     assert holds(task, found.plan)
 
@@ -77,7 +79,7 @@ def test_with_nothing_owed_it_stays_and_with_no_time_it_still_answers():
 
 def test_what_is_too_short_for_everything_is_still_feasible_and_best_effort():
     task = small_task()
-    found = plan_for(task, make_backend("piqp"), 4)
+    found = plan_for(task, make_backend("piqp"), 4)[0]
     assert found.feasible
     assert not found.complete
     assert found.plan.steps == 4
@@ -96,10 +98,92 @@ def test_an_offline_plan_of_the_demo_mission_is_complete_and_passes_the_check():
     assert check_trajectory(trajectory).holds
 
 
+def test_more_starts_are_random_relatives_and_the_same_for_a_seed():
+    task = small_task()
+    names = [[g.kind for g, _ in zip(starts(task, Search(seed=4)), range(24), strict=False)] for _ in range(2)]
+    assert names[0] == names[1]
+    assert len(set(names[0])) == 24
+    assert "random" in names[0][-1]
+    only = list(starts(task, Search(kinds=("tour", names[0][1]))))
+    assert [guess.kind for guess in only] == ["tour", names[0][1]]
+
+
+def test_the_shortest_plan_is_complete_and_one_sample_less_was_tried():
+    task, told = small_task(), []
+    found = plan_shortest(
+        task, make_backend("piqp"), search=Search(starts=4, finalists=1), told=lambda n, c: told.append((n, c.complete))
+    )
+    assert found.complete
+    assert holds(task, found.plan)
+    assert told[-1] == (found.plan.steps - 1, False)
+
+
+@pytest.mark.parametrize("limit", [0.05, 1.0])
+def test_whatever_the_time_limit_the_plan_is_feasible(limit):
+    trajectory = plan_mission(load_mission("box-3"), PlanOptions(time_limit_s=limit))
+    assert check_trajectory(trajectory).holds
+
+
+@pytest.mark.parametrize("name", ["fig-3-1", "fig-3-4", "fixed-topology", "unequal-fleet"])
+def test_the_cases_of_the_thesis_pass_the_check(name):
+    trajectory = plan_mission(load_mission(name), PlanOptions(starts=4))
+    report = check_trajectory(trajectory)
+    assert report.holds, report.first_failure
+    assert np.isfinite(trajectory.covered_at).mean() > 0.98
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["fig-3-2", "fig-3-3", "fig-4-2", "fig-4-3", "fig-4-4", "fig-4-5", "volume-3"])
+def test_the_larger_cases_pass_the_check_too(name):
+    trajectory = plan_mission(load_mission(name))
+    report = check_trajectory(trajectory)
+    assert report.holds, report.first_failure
+    assert np.isfinite(trajectory.covered_at).mean() > 0.9
+
+
+def changed_box(**changes):
+    """Return box-3 on a 5 m square with changes of its area."""
+    spec = load_mission("box-3").spec.model_dump(by_alias=True, exclude_none=True)
+    spec["area"] |= {"shape": {"kind": "box", "min_m": [0, 0], "max_m": [5, 5]}, **changes}
+    spec["planning"]["duration_s"] = 12.0
+    return build_mission(spec, "mission")
+
+
+def test_several_looks_are_planned_and_counted():
+    trajectory = plan_mission(changed_box(looks=3), PlanOptions(starts=3))
+    assert trajectory.meta["cost_m"] == 0.0
+    assert np.isfinite(trajectory.covered_at).all()
+    assert check_trajectory(trajectory).holds
+
+
+def test_cells_of_weight_zero_are_no_cells_and_others_weigh_what_the_map_says():
+    mission = changed_box(weights={"values": [[1.0, 0.0], [2.0, 1.0]]})
+    task = offline_task(mission)
+    assert mission.field.size == 75
+    assert set(task.weight[0]) == {1.0, 2.0}
+    assert (mission.field.cell[task.weight[0] == 2.0] > [2.5, 0.0]).all()
+    assert plan_mission(mission, PlanOptions(starts=2)).meta["cost_m"] == 0.0
+
+
+def test_the_fault_of_any_sensor_leaves_everything_covered():
+    """Section 4.1: fly the robust plan with each of the three sensors struck out."""
+    spec = changed_box().spec.model_dump(by_alias=True, exclude_none=True)
+    spec["fleet"]["faults_tolerated"] = 1
+    spec["planning"]["duration_s"] = 16.0
+    mission = build_mission(spec, "robust")
+    trajectory = plan_mission(mission)
+    assert trajectory.meta["cost_m"] == 0.0
+    assert mission.fleet.magnitudes[0] == "coverage without a1"
+    for lost in range(3):
+        left = np.delete(trajectory.position, lost, axis=1).reshape(-1, 2)
+        nearest = np.linalg.norm(mission.field.cell[:, None] - left, axis=2).min(axis=1)
+        assert nearest.max() <= 1.0 + 1e-9
+
+
 def test_offline_planning_says_what_is_wrong():
     spec = load_mission("box-3").spec.model_dump(by_alias=True)
     spec["planning"]["duration_s"] = 0.6
     with pytest.raises(InvalidInputError, match=r"planning\.duration_s"):
-        plan_mission(build_mission(spec, "mission"))
+        build_mission(spec, "mission")
     with pytest.raises(UserError, match="clarabel"):
         Engine("gurobi")

@@ -1,0 +1,146 @@
+"""The condensed NLP of the thesis (3.19 to 3.22): v = (z0, u) alone, states as linear maps of it, all dense.
+
+Constraints are those of `asked_of_peers`, with the spanning trees of the motion that a solve starts from.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.constraints.graph import minimum_spanning_trees
+from mpc_cover.constraints.pairs import all_pairs, linked_pairs
+from mpc_cover.coverage.majoriser import build_majoriser
+from mpc_cover.studies.case import asked_of_peers
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.coverage.majoriser import Softness
+    from mpc_cover.studies.case import Case
+
+
+class Condensed:
+    """One case in its inputs, and in its first state where that is free.
+
+    Vectors (n,) stack the free parts of q(0) and v(0) and the inputs u(0) to u(N-1).
+    """
+
+    def __init__(self, case: Case) -> None:
+        self._case, self._window = case, case.window
+        self._required = asked_of_peers(case)
+        ends = case.window.ends
+        self._given = [state for state in (ends.start_position, ends.start_velocity) if state is not None]
+        whole = _linear_maps(case.window.steps, case.window.period)
+        size = case.window.fleet.start.size
+        to_q, to_v, to_u = (np.kron(matrix, np.eye(size)) for matrix in whole)
+        free = np.concatenate(
+            [np.repeat([ends.start_position is None, ends.start_velocity is None], size), np.ones(to_u.shape[0], bool)]
+        )
+        fixed = np.zeros(free.size)
+        fixed[~free] = np.concatenate([np.zeros(0), *(state.ravel() for state in self._given)])
+        self._to_q, self._to_v, self._to_u = to_q[:, free], to_v[:, free], to_u[:, free]
+        self._q0, self._v0 = to_q @ fixed, to_v @ fixed
+        self._free = free
+        self._shape = (case.window.steps + 1, *case.window.fleet.start.shape)
+
+    def pack(self, x: FloatArray) -> FloatArray:
+        """Return v of a decision vector of the window."""
+        position, velocity = self._window.motion(x)
+        force = np.diff(velocity, axis=0) / self._window.period
+        return np.concatenate([position[0].ravel(), velocity[0].ravel(), force.ravel()])[self._free]
+
+    def unpack(self, v: FloatArray) -> FloatArray:
+        """Return the decision vector of v."""
+        return self._window.decision(self._position(v)[0], self._velocity(v))
+
+    def cost(self, v: FloatArray, softness: Softness) -> tuple[float, FloatArray]:
+        """Return J_beta (soft minimum over all samples) and its gradient (n,)."""
+        window, points = self._window, self._shape[0] * self._shape[1]
+        majoriser = build_majoriser(self._position(v), window.cell, window.fleet.radius, window.weight, softness)
+        gradient = majoriser.gradient(majoriser.level > 0.0, points)  # tight at the iterate, to first order
+        return majoriser.cost, gradient.ravel() @ self._to_q
+
+    def ends(self) -> tuple[FloatArray, FloatArray]:
+        """Return (C, c) of the equalities C v = c that the end asks for."""
+        ends, size = self._window.ends, self._window.fleet.start.size
+        matrix, right = [np.zeros((0, self._to_q.shape[1]))], [np.zeros(0)]
+        for to, offset, target in (
+            (self._to_q, self._q0, ends.end_position),
+            (self._to_v, self._v0, ends.end_velocity),
+        ):
+            if target is not None:
+                matrix.append(to[-size:])
+                right.append(target.ravel() - offset[-size:])
+            if ends.closed:
+                matrix.append(to[-size:] - to[:size])
+                right.append(offset[:size] - offset[-size:])
+        return np.concatenate(matrix), np.concatenate(right)
+
+    def edges(self, v: FloatArray) -> BoolArray:
+        """Return (samples, pairs): the links and the minimum spanning trees of a motion; none where not asked for."""
+        fleet, length = self._window.fleet, np.sqrt(self._squares(v)[0])
+        if fleet.size == 1 or not np.isfinite(fleet.communication_range):
+            return np.zeros(length.shape, dtype=bool)
+        held = minimum_spanning_trees(length, fleet.size)
+        held[:, linked_pairs(fleet.size, fleet.links)] = True
+        return held
+
+    def slack(self, v: FloatArray, edges: BoolArray) -> FloatArray:
+        """Return the (rows,) slacks, >= 0 where a constraint holds: discs, box, separation, edges."""
+        fleet, first = self._window.fleet, self._window.first
+        speed = np.sum(self._velocity(v)[first:] ** 2, axis=2)
+        force = np.sum((self._to_u @ v).reshape(-1, *self._shape[1:]) ** 2, axis=2)
+        position = self._position(v)[first:]
+        parts = [
+            fleet.speed_max**2 - speed,
+            fleet.input_max**2 - force,
+            position - fleet.motion_min,
+            fleet.motion_max - position,
+        ]
+        square, _ = self._squares(v)
+        if fleet.size > 1 and fleet.separation_min > 0.0:
+            parts.append(square - self._required.separation**2)
+        return np.concatenate([*(part.ravel() for part in parts), self._required.range**2 - square[edges]])
+
+    def slack_jacobian(self, v: FloatArray, edges: BoolArray) -> FloatArray:
+        """Return (rows, n): the derivative of `slack`."""
+        fleet, first, columns = self._window.fleet, self._window.first, v.size
+        size = fleet.start.size
+        to_v = self._to_v[first * size :].reshape(-1, fleet.dimension, columns)
+        to_u = self._to_u.reshape(-1, fleet.dimension, columns)
+        speed = np.einsum("rd,rdn->rn", self._velocity(v)[first:].reshape(-1, fleet.dimension), to_v)
+        force = np.einsum("rd,rdn->rn", (self._to_u @ v).reshape(-1, fleet.dimension), to_u)
+        box = self._to_q[first * size :]
+        parts = [-2.0 * speed, -2.0 * force, box, -box]
+        square = self._squares(v)[1]
+        if fleet.size > 1 and fleet.separation_min > 0.0:
+            parts.append(square.reshape(-1, columns))
+        return np.concatenate([*parts, -square[edges]])
+
+    def _squares(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return squared distances (samples, pairs) of the samples not given, and their derivative (..., n)."""
+        one, two = all_pairs(self._window.fleet.size)
+        first = self._window.first
+        position = self._position(v)[first:]
+        to_q = self._to_q.reshape(*self._shape, -1)[first:]
+        apart = position[:, one] - position[:, two]
+        slope = 2.0 * np.einsum("spd,spdn->spn", apart, to_q[:, one] - to_q[:, two])
+        return np.sum(apart**2, axis=2), slope
+
+    def _position(self, v: FloatArray) -> FloatArray:
+        return np.asarray(self._to_q @ v + self._q0).reshape(self._shape)
+
+    def _velocity(self, v: FloatArray) -> FloatArray:
+        return np.asarray(self._to_v @ v + self._v0).reshape(self._shape)
+
+
+def _linear_maps(steps: int, period: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the maps of one coordinate's (q(0), v(0), u) to positions, velocities (N+1, .) and inputs (N, .)."""
+    n, k = np.arange(steps + 1)[:, None], np.arange(steps)[None]
+    done = n > k
+    positions = np.hstack(
+        [np.ones((steps + 1, 1)), period * n, np.where(done, period**2 * (n - k - 0.5), 0.0)],
+    )
+    velocities = np.hstack([np.zeros((steps + 1, 1)), np.ones((steps + 1, 1)), np.where(done, period, 0.0)])
+    return positions, velocities, np.hstack([np.zeros((steps, 2)), np.eye(steps)])

@@ -1,0 +1,163 @@
+"""One peer at a time, each in a process of its own: whatever it does, the benchmark goes on.
+
+A process gives every peer the same fresh start, lets one that hangs within native code be stopped, and turns
+a crash into a row of the table.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpc_cover.mission.load import mission_from_json
+from mpc_cover.studies.case import make_case
+from mpc_cover.studies.peers.registry import OPTIONAL, PEERS
+from mpc_cover.studies.watch import Answer, Sighting, Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from multiprocessing.connection import Connection
+
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.studies.verdict import Verdict
+
+START_S = 30.0
+"""What a process may take to start and a peer to set up, on top of the time limit."""
+GRACE_S = 5.0
+"""What a peer may be silent for after its time is up; then it is stopped."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a peer has no answer."""
+
+    reason: str
+
+
+@dataclass(eq=False)
+class Run:
+    """What became of one peer.
+
+    Attributes
+    ----------
+    name : the peer's.
+    setup_s : until it began to solve.
+    time_s : of solving, by its own stop-watch; until the last iterate where it gave no answer.
+    seen : when each iterate was there [s], and what it was worth.
+    best : the iterate that counts: of those that hold at the samples the one with the least J, or the least violated.
+    flyable : of those that hold along the continuous path, the one with the least J.
+    iterations : in the peer's counting.
+    status : why it ended.
+    answered : whether it ended by itself.
+    """
+
+    name: str
+    setup_s: float = 0.0
+    time_s: float = 0.0
+    seen: list[tuple[float, Verdict]] = field(default_factory=list)
+    best: Sighting | None = None
+    flyable: Sighting | None = None
+    iterations: int = 0
+    status: str = ""
+    answered: bool = False
+
+    def take(self, message: object) -> None:
+        """Take in what the peer's process says."""
+        if isinstance(message, Sighting):
+            self._see(message)
+        elif isinstance(message, Answer):
+            self.time_s, self.iterations, self.status = message.time_s, message.iterations, message.status
+            self.answered = True
+        elif isinstance(message, Failure):
+            self.status = message.reason
+        elif isinstance(message, float):
+            self.setup_s = message
+
+    def _see(self, sighting: Sighting) -> None:
+        self.seen.append((sighting.time_s, sighting.verdict))
+        self.time_s = max(self.time_s, sighting.time_s)
+        if self.best is None or _rank(sighting) < _rank(self.best):
+            self.best = sighting
+        if sighting.verdict.holds and (self.flyable is None or sighting.verdict.cost < self.flyable.verdict.cost):
+            self.flyable = sighting
+
+
+def race(
+    name: str, mission: Mission, x: FloatArray, limit_s: float, told: Callable[[Run], None] = lambda _: None
+) -> Run:
+    """Let a peer solve a mission's case from the decision vector `x`; never raises on account of the peer.
+
+    `told` is called as iterates come in.
+    """
+    run = Run(name)
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log"
+        context = get_context("spawn")
+        receiving, sending = context.Pipe(duplex=False)
+        arguments = (sending, name, mission.to_json(), x, limit_s, str(log))
+        process = context.Process(target=compete, args=arguments, daemon=True)
+        process.start()
+        sending.close()
+        try:
+            _listen(run, receiving, limit_s, told)
+        finally:
+            process.kill()
+            process.join()
+            receiving.close()
+        if not run.status:
+            run.status = f"died (exit status {process.exitcode}){_last_words(log)}"
+    return run
+
+
+def _listen(run: Run, receiving: Connection, limit_s: float, told: Callable[[Run], None]) -> None:
+    """Take in messages until the peer has answered, died, or been silent for too long."""
+    patience = time.monotonic() + limit_s + START_S
+    while not (run.answered or run.status):
+        if not receiving.poll(max(0.0, patience - time.monotonic())):
+            run.status, run.time_s = "stopped: it did not heed the time limit", max(run.time_s, limit_s)
+            return
+        try:
+            message = receiving.recv()
+        except EOFError:
+            return
+        run.take(message)
+        patience = time.monotonic() + max(0.0, limit_s - run.time_s) + GRACE_S
+        told(run)
+
+
+def compete(connection: Connection, name: str, mission: str, x: FloatArray, limit_s: float, log: str) -> None:
+    """Be the process of one peer: solve, and tell; native chatter goes to the file `log`."""
+    target = os.open(log, os.O_WRONLY | os.O_CREAT, 0o600)
+    os.dup2(target, 1)
+    os.dup2(target, 2)
+    try:
+        peer = PEERS[name].load()
+        case = make_case(mission_from_json(mission, "the benchmark's mission"))
+        message: Answer | Failure = peer(case, x, Watch(case, limit_s, connection.send))
+    except ModuleNotFoundError as error:
+        remedy = OPTIONAL.get(error.name or "")
+        message = Failure(f"not installed: {remedy}" if remedy else f"failed: {error}")
+    except Exception as error:  # noqa: BLE001 - a peer may fail in any way, and its row says which
+        message = Failure(f"failed: {type(error).__name__}: {' '.join(str(error).split())[:200]}")
+    connection.send(message)
+    connection.close()
+
+
+def _rank(sighting: Sighting) -> tuple[bool, float, bool]:
+    verdict = sighting.verdict
+    return (not verdict.holds_sampled, verdict.cost if verdict.holds_sampled else verdict.sampled, not verdict.holds)
+
+
+def _last_words(log: Path) -> str:
+    try:
+        lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
+    except OSError:
+        return ""
+    said = [line.strip() for line in lines if line.strip()]
+    return f": {said[-1][:120]}" if said else ""
