@@ -114,6 +114,8 @@ def collision_gradient(position: FloatArray, bounds: Coordination) -> FloatArray
 
 def connectivity_potential(position: FloatArray, kept: BoolArray, bounds: Coordination) -> FloatArray:
     """Return g_conn (m, m) of the kept (m, m) edges of agents at (m, d) positions [m]: inf at rho_C and above (6.5)."""
+    if np.isinf(bounds.range_m):
+        return np.zeros_like(kept, dtype=float)
     length = pair_directions(position)[1]
     excess = np.where(kept, np.maximum(length - bounds.attract_beyond_m, 0.0), 0.0)
     return _ratio(excess, np.maximum(bounds.range_m - length, 0.0))

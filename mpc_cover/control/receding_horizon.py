@@ -11,14 +11,13 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mpc_cover.control.fallback import Rung, brake_plan, shifted_plan
 from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
+from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.errors import UserError
 from mpc_cover.information.coverage_map import CoverageMap
-from mpc_cover.model.sensing import measured
-from mpc_cover.planning.engine import Engine, resampled
+from mpc_cover.planning.engine import Engine
+from mpc_cover.planning.stretches import resampled
 from mpc_cover.planning.task import Task
 from mpc_cover.verification.motion import verify_motion
 
@@ -144,10 +143,9 @@ class RecedingHorizon:
 
     def _left_by(self, later: FloatArray) -> FloatArray:
         """Return the weights (J, K) of what is owed and not covered by later positions of the mission plan."""
-        owed = self.coverage.owed
-        for position in later:
-            owed = owed & ~measured(position, self._mission.field.cell, self._mission.fleet.radius)
-        return np.asarray(owed * self._mission.field.weight)
+        mission = self._mission
+        weight = self.coverage.owed * mission.field.weight
+        return still_owed(later, mission.field.cell, mission.fleet.radius, weight)
 
     def _next(self, start: Start, reason: str) -> tuple[Plan, Rung, str]:
         """Cut the horizon out of the mission plan, end it at rest, verify it; else go down the ladder."""

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
 
+Array = TypeVar("Array", "FloatArray", "IntArray")
+
+_DENSE = 200_000
+"""More pairs of cells and samples than this are searched by a tree rather than all compared."""
+TIE = 1e-9
+"""A cell at distance exactly rho is measured, whatever the last bit says [m]."""
 FAR = 1e9
 """Stands for "never" where fewer samples than asked for can measure a magnitude [m]."""
 
@@ -59,6 +66,9 @@ def nearest_samples(
         able = np.flatnonzero(np.isfinite(radius[:, magnitude]))
         columns = (np.arange(position.shape[0])[:, None] * agents + able).ravel()
         reach = np.tile(radius[able, magnitude], position.shape[0])
+        if looks is None and live.size * columns.size > _DENSE:
+            parts.append(_by_tree(points[columns], columns, reach, cell[live], count, live, weight[magnitude, live]))
+            continue
         distance = pairwise_distance(cell[live], points[columns])
         excess = distance - reach
         row, keep = _ranked(excess, count, None if looks is None else looks[magnitude, live])
@@ -79,6 +89,47 @@ def nearest_samples(
         excess=np.concatenate([_pad(p.excess, count, FAR) for p in parts]),
         cell=np.concatenate([p.cell for p in parts]),
         weight=np.concatenate([p.weight for p in parts]),
+    )
+
+
+def still_owed(position: FloatArray, cell: FloatArray, radius: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the weights (J, K) of what a motion (N+1, m, d) [m] leaves over; N+1 may be 0."""
+    left = weight.copy()
+    if position.shape[0] == 0 or not (weight > 0.0).any():
+        return left
+    for magnitude in range(weight.shape[0]):
+        one = nearest_samples(position, cell, radius[:, [magnitude]], weight[[magnitude]], 1)
+        left[magnitude, one.cell[one.excess[:, 0] <= TIE]] = 0.0
+    return left
+
+
+def _by_tree(
+    points: FloatArray,
+    columns: IntArray,
+    reach: FloatArray,
+    cell: FloatArray,
+    count: int,
+    live: IntArray,
+    weight: FloatArray,
+) -> Nearest:
+    """Find the nearest samples of many pairs: a tree for each radius, whose results are merged."""
+    samples, distances, excesses = [], [], []
+    for radius in np.unique(reach):
+        some = np.flatnonzero(reach == radius)
+        wanted = min(count, some.size)
+        distance, index = cKDTree(points[some]).query(cell, k=range(1, wanted + 1))
+        samples.append(columns[some][index])
+        distances.append(distance)
+        excesses.append(distance - radius)
+    excess = np.concatenate(excesses, axis=1)
+    keep = _smallest(excess, count)
+    rows = np.arange(cell.shape[0])
+    return Nearest(
+        sample=_taken(np.concatenate(samples, axis=1), rows, keep),
+        distance=_taken(np.concatenate(distances, axis=1), rows, keep),
+        excess=_taken(excess, rows, keep),
+        cell=live,
+        weight=weight,
     )
 
 
@@ -119,7 +170,7 @@ def _ranked(excess: FloatArray, count: int, looks: IntArray | None) -> tuple[Int
     return np.concatenate(rows), np.concatenate(even)
 
 
-def _taken(values: FloatArray, row: IntArray, column: IntArray) -> FloatArray:
+def _taken(values: Array, row: IntArray, column: IntArray) -> Array:
     return values[row[:, None], column]
 
 

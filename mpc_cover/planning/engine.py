@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from mpc_cover.errors import UserError
 from mpc_cover.planning.continuation import judge, refine
@@ -73,20 +70,3 @@ class Engine:
     def judge(self, window: Window, x: FloatArray) -> Refined:
         """Return what a motion is worth as it stands."""
         return judge(window, x)
-
-
-def resampled(velocity: FloatArray, steps: int) -> FloatArray:
-    """Return a motion's velocities (N+1, m, d) [m/s] played in `steps` samples: faster along the same path."""
-    old = velocity.shape[0] - 1
-    place = np.linspace(0.0, old, steps + 1)
-    low = np.minimum(place.astype(int), old - 1)
-    part = (place - low)[:, None, None]
-    between = (1.0 - part) * velocity[low] + part * velocity[low + 1]
-    scaled = between * (old / steps)
-    scaled[0], scaled[-1] = velocity[0], velocity[-1]
-    return np.asarray(scaled)
-
-
-def seconds_left(deadline: float | None) -> float:
-    """Return the seconds until a deadline on `time.perf_counter`; inf without one."""
-    return float("inf") if deadline is None else deadline - time.perf_counter()

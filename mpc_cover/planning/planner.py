@@ -25,6 +25,8 @@ _FIRST = ("comb", "snake", "strips", "tour")
 """Kinds in the order in which they tend to end well."""
 _HOPELESS = 1.5
 """What costs more than this many sensing radii after refinement is not refined again."""
+_TOURED = 1500
+"""Cells up to which a tour is among the guesses for everything."""
 _JITTER = 0.35
 """Random starts move the waypoints of others by this part of the sensing radius."""
 
@@ -98,8 +100,9 @@ def starts(task: Task, search: Search) -> Iterator[Guess]:
         yield rest_guess(task.position)
         return
     sweeps = sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period)
-    tour = tour_guess(task.fleet, task.cell, task.weight, task.position)
-    systematic = sorted(chain(sweeps, [tour]), key=lambda guess: _FIRST.index(guess.kind.split()[0]))
+    few = task.cell.shape[0] <= _TOURED  # a tour of everything is long to make and longer to fly
+    tours = [tour_guess(task.fleet, task.cell, task.weight, task.position)] if few else []
+    systematic = sorted(chain(sweeps, tours), key=lambda guess: _FIRST.index(guess.kind.split()[0]))
     if search.kinds:
         chosen = {guess.kind: guess for guess in systematic}
         yield from (chosen[kind] for kind in search.kinds if kind in chosen)

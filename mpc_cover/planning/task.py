@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mpc_cover.constraints.boundary import Ends
-from mpc_cover.model.sensing import measured
+from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.planning.continuation import judge
 from mpc_cover.planning.follow import follow
 from mpc_cover.planning.plan import Plan
@@ -71,10 +71,7 @@ class Task:
 
     def owed_after(self, plan: Plan) -> FloatArray:
         """Return the weights (J, K) of what a plan's samples leave over."""
-        weight = self.weight
-        for position in plan.position:
-            weight = np.where(measured(position, self.cell, self.fleet.radius), 0.0, weight)
-        return weight
+        return still_owed(plan.position, self.cell, self.fleet.radius, self.weight)
 
     def flown(self, guess: Guess, steps: int | None) -> Motion:
         """Fly a guess from the start, or from where it begins if that is free, to the end that is asked for."""

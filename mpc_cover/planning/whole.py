@@ -11,6 +11,7 @@ import numpy as np
 from mpc_cover.planning.continuation import judge
 from mpc_cover.planning.guesses import rest_guess, tour_guess
 from mpc_cover.planning.planner import Search, plan_for, starts
+from mpc_cover.planning.stretches import improve
 from mpc_cover.planning.task import Candidate, Task, as_flown, candidate_of
 
 if TYPE_CHECKING:
@@ -31,6 +32,10 @@ _KEPT = 3
 _FINALISTS = 3
 """Plans that are flown on to what they leave over, when none covers everything."""
 _EXTENSIONS = 3
+_LARGE = 500
+"""Samples times agents beyond which one QP for the whole plan takes too long."""
+_STRETCH, _PASSES, _TRIED = 24, 3, 3
+"""Samples of a stretch, passes over a plan, and guesses that are tried, of large plans."""
 
 
 def plan_whole(
@@ -53,6 +58,8 @@ def plan_whole(
     still = rest_guess(task.position)
     found.append(as_flown(task, still, task.flown(still, task.least_steps)))
     work = min(motion.steps for _, motion in flights)
+    if work * task.fleet.size > _LARGE:
+        return _plan_large(task, backend, sorted(found, key=_promise), deadline)
     steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * work)
     shortest = 0
     for _ in range(attempts):
@@ -77,6 +84,41 @@ def plan_whole(
     found.sort(key=lambda candidate: candidate.rank)
     finished = [_extended(task, candidate, backend, deadline) for candidate in found[:_FINALISTS] if candidate.feasible]
     return min([*finished, *found], key=lambda candidate: candidate.rank)
+
+
+def _promise(candidate: Candidate) -> float:
+    """Order guesses as they fly: what they take, and what they would still have to repair [s]."""
+    plan = candidate.plan
+    violation = candidate.refined.violation if candidate.refined is not None else 0.0
+    return plan.steps * plan.period * (1.0 + 2.0 * violation) + candidate.cost
+
+
+def _plan_large(task: Task, backend: Backend, flown: list[Candidate], deadline: float | None) -> Candidate:
+    """Repair and improve the best guesses stretch by stretch, then fly on to what is left over."""
+    resting = next(candidate for candidate in flown if candidate.kind == "rest")
+    found = [resting]
+    guesses = [candidate for candidate in flown if candidate is not resting]
+    for number, guess in enumerate(guesses[:_TRIED]):
+        if _late(deadline):
+            break
+        until = _share(deadline, 0.8 / (_TRIED - number))
+        motion = (guess.plan.position, guess.plan.velocity)
+        position, velocity = improve(task, motion, backend, length=_STRETCH, passes=_PASSES, deadline=until)
+        window = task.window(velocity.shape[0] - 1)
+        judged = judge(window, window.decision(position[0], velocity))
+        found.append(candidate_of(task, window.steps, judged, guess.kind))
+        if found[-1].feasible:
+            break
+    found += [guess for guess in guesses if guess.feasible]
+    finished = [_extended(task, candidate, backend, deadline) for candidate in found if candidate.feasible]
+    return min(finished, key=lambda candidate: candidate.rank)
+
+
+def _share(deadline: float | None, part: float) -> float | None:
+    if deadline is None:
+        return None
+    now = time.perf_counter()
+    return now + part * max(deadline - now, 0.0)
 
 
 def plan_shortest(

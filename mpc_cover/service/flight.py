@@ -20,6 +20,8 @@ SNAP_S = 1e-8
 """Instants nearer than this are the same: a long-running monotonic clock has no more digits [s]."""
 STANDSTILL = 1e-9
 """Slower than this is standing still [m/s]."""
+START_TOLERANCE = 1e-3
+"""Between where a plan starts and where the agent is then [m], [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +147,7 @@ class Plant:
         """Move to `until_s`, switching plans exactly at their starts."""
         while True:
             schedule.switch(self.time_s)
+            self._take_up(schedule.flown)
             flight = schedule.flying(self.time_s)
             if flight is None and float(np.linalg.norm(self.velocity)) <= STANDSTILL:
                 self.velocity = np.zeros_like(self.velocity)
@@ -153,6 +156,9 @@ class Plant:
             force, end_s = schedule.hold(self.time_s, self.velocity)
             self._move(min(end_s, until_s), force, flight)
 
+    def _take_up(self, flight: Flight | None) -> None:
+        """Go on from where it is: whoever flies a plan exactly has no choice."""
+
     def _move(self, end_s: float, force: FloatArray, flight: Flight | None) -> None:
         if self.log is not None:
             self.log(self.time_s, self.position, self.velocity, force, flight.ref if flight else None)
@@ -160,6 +166,25 @@ class Plant:
         self.position = self.position + dt * self.velocity + 0.5 * dt**2 * force
         self.velocity = self.velocity + dt * force
         self.time_s = end_s
+
+
+@dataclass
+class Reference(Plant):
+    """The motion that a disturbed agent tracks: that of its plans, taken up where they say, not where it is.
+
+    `flown` is the plan taken up last.
+    """
+
+    flown: Flight | None = None
+
+    def _take_up(self, flight: Flight | None) -> None:
+        if flight is None or flight is self.flown:
+            return
+        self.flown = flight
+        position, velocity = flight.state_at(self.time_s)
+        away = max(np.abs(position - self.position).max(), np.abs(velocity - self.velocity).max())
+        if away > START_TOLERANCE:
+            self.position, self.velocity = position.copy(), velocity.copy()
 
 
 def predict(plant: Plant, schedule: Schedule, time_s: float) -> tuple[FloatArray, FloatArray]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from mpc_cover.model.motion import roll_out
 from mpc_cover.service.decoding import Reason, RejectedError
+from mpc_cover.service.flight import START_TOLERANCE
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -27,8 +28,6 @@ DYNAMICS_TOLERANCE = 1e-6
 """Between the plan's samples and the roll-out of its inputs [m], [m/s]."""
 REST_TOLERANCE = 1e-3
 """Speed at the end of a plan [m/s]; the agent brakes away what is left."""
-START_TOLERANCE = 1e-3
-"""Between where a plan starts and where the agent is then [m], [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.constraints.pairs import all_pairs
-from mpc_cover.errors import InvalidInputError, Problem, UserError
+from mpc_cover.errors import UserError
 from mpc_cover.planning.guesses import rest_guess, sweep_guesses
-from mpc_cover.planning.task import Task
+from mpc_cover.planning.offline import offline_task
 from mpc_cover.planning.window import Margins, Requirements, requirements
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
+    from mpc_cover.planning.task import Task
     from mpc_cover.planning.window import Window
 
 GUESSES = ("boustrophedon", "rest")
@@ -43,31 +44,9 @@ class Case:
 
 
 def make_case(mission: Mission) -> Case:
-    """Return the problem that `mpc-cover plan` solves for this mission.
-
-    Raises
-    ------
-    InvalidInputError
-        The duration is shorter than two periods.
-    """
-    planning, fleet, period = mission.spec.planning, mission.fleet, mission.spec.control.period_s
-    steps = round(planning.duration_s / period)
-    if steps < 2:  # noqa: PLR2004 - to leave and to stop
-        problem = Problem("planning.duration_s", planning.duration_s, "must be at least two periods")
-        raise InvalidInputError(f"mission {mission.spec.name}", [problem])
-    task = Task(
-        fleet=fleet,
-        cell=mission.field.cell,
-        weight=np.tile(mission.field.weight, (fleet.radius.shape[1], 1)),
-        position=fleet.start,
-        velocity=np.zeros_like(fleet.start),
-        start_time=0.0,
-        period=period,
-        start_free=planning.start == "free",
-        end=planning.end,
-        goal=np.array([agent.end_m for agent in mission.spec.fleet.agents]) if planning.end == "fixed" else None,
-    )
-    return Case(mission, task, task.window(steps))
+    """Return the problem that `mpc-cover plan` solves for this mission."""
+    task = offline_task(mission)
+    return Case(mission, task, task.window(round(mission.spec.planning.duration_s / task.period)))
 
 
 def start_from(case: Case, guess: str) -> FloatArray:

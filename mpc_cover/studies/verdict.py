@@ -111,7 +111,7 @@ def _checks(case: Case, position: FloatArray, velocity: FloatArray) -> list[Chec
 def _coverage(case: Case, position: FloatArray) -> tuple[float, float]:
     """Return J (4.34) [m], and the percentage of cells with a positive weight that are covered."""
     window = case.window
-    nearest = nearest_samples(position, window.cell, window.fleet.radius, window.weight, 1)
+    nearest = nearest_samples(position, window.cell, window.fleet.radius, window.weight, 1, window.looks)
     excess = nearest.excess[:, 0]
     left = np.zeros(window.cell.shape[0], dtype=bool)
     left[nearest.cell[excess > _TIE]] = True

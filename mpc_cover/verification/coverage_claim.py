@@ -46,7 +46,8 @@ def first_measured(trajectory: Trajectory, radius: FloatArray) -> FloatArray:
     looks = trajectory.mission.spec.area.looks
     if looks > 1:
         period = trajectory.mission.spec.control.period_s
-        return np.max([_when_looked_at(trajectory, reach, looks, period) for reach in radius.T], axis=0)
+        times = [_when_looked_at(trajectory, reach, looks, period) for reach in radius.T]
+        return np.asarray(np.max(times, axis=0))
     done = np.zeros(trajectory.cell.shape[0])
     for reach in radius.T:
         first = np.full_like(done, np.inf)

@@ -13,10 +13,10 @@ from motions import PERIOD, grid
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.mission.load import load_mission
 from mpc_cover.model.sensing import measured
-from mpc_cover.planning.engine import resampled
 from mpc_cover.planning.follow import follow
 from mpc_cover.planning.guesses import rest_guess, sweep_guesses, tour_guess
 from mpc_cover.planning.lanes import assign, cut_lanes, cut_snake, strips, swath_of, take_pieces
+from mpc_cover.planning.stretches import resampled
 from mpc_cover.verification.motion import verify_motion
 
 

@@ -42,13 +42,18 @@ class Condensed:
         self._to_q, self._to_v, self._to_u = to_q[:, free], to_v[:, free], to_u[:, free]
         self._q0, self._v0 = to_q @ fixed, to_v @ fixed
         self._free = free
+        fleet = case.window.fleet
+        self._centre, self._room = (
+            0.5 * (fleet.motion_min + fleet.motion_max),
+            0.5 * (fleet.motion_max - fleet.motion_min),
+        )
         self._shape = (case.window.steps + 1, *case.window.fleet.start.shape)
 
     def pack(self, x: FloatArray) -> FloatArray:
         """Return v of a decision vector of the window."""
         position, velocity = self._window.motion(x)
         force = np.diff(velocity, axis=0) / self._window.period
-        return np.concatenate([position[0].ravel(), velocity[0].ravel(), force.ravel()])[self._free]
+        return np.asarray(np.concatenate([position[0].ravel(), velocity[0].ravel(), force.ravel()])[self._free])
 
     def unpack(self, v: FloatArray) -> FloatArray:
         """Return the decision vector of v."""
@@ -57,14 +62,17 @@ class Condensed:
     def cost(self, v: FloatArray, softness: Softness) -> tuple[float, FloatArray]:
         """Return J_beta (soft minimum over all samples) and its gradient (n,)."""
         window, points = self._window, self._shape[0] * self._shape[1]
-        majoriser = build_majoriser(self._position(v), window.cell, window.fleet.radius, window.weight, softness)
+        majoriser = build_majoriser(
+            self._position(v), window.cell, window.fleet.radius, window.weight, softness, window.looks
+        )
         gradient = majoriser.gradient(majoriser.level > 0.0, points)  # tight at the iterate, to first order
-        return majoriser.cost, gradient.ravel() @ self._to_q
+        return majoriser.cost, np.asarray(gradient.ravel() @ self._to_q)
 
     def ends(self) -> tuple[FloatArray, FloatArray]:
         """Return (C, c) of the equalities C v = c that the end asks for."""
         ends, size = self._window.ends, self._window.fleet.start.size
-        matrix, right = [np.zeros((0, self._to_q.shape[1]))], [np.zeros(0)]
+        matrix: list[FloatArray] = [np.zeros((0, self._to_q.shape[1]))]
+        right: list[FloatArray] = [np.zeros(0)]
         for to, offset, target in (
             (self._to_q, self._q0, ends.end_position),
             (self._to_v, self._v0, ends.end_velocity),
@@ -73,7 +81,7 @@ class Condensed:
                 matrix.append(to[-size:])
                 right.append(target.ravel() - offset[-size:])
             if ends.closed:
-                matrix.append(to[-size:] - to[:size])
+                matrix.append(np.asarray(to[-size:] - to[:size], dtype=float))
                 right.append(offset[:size] - offset[-size:])
         return np.concatenate(matrix), np.concatenate(right)
 
@@ -91,12 +99,11 @@ class Condensed:
         fleet, first = self._window.fleet, self._window.first
         speed = np.sum(self._velocity(v)[first:] ** 2, axis=2)
         force = np.sum((self._to_u @ v).reshape(-1, *self._shape[1:]) ** 2, axis=2)
-        position = self._position(v)[first:]
-        parts = [
+        off_centre = self._position(v)[first:] - self._centre
+        parts: list[FloatArray] = [
             fleet.speed_max**2 - speed,
             fleet.input_max**2 - force,
-            position - fleet.motion_min,
-            fleet.motion_max - position,
+            self._room**2 - off_centre**2,
         ]
         square, _ = self._squares(v)
         if fleet.size > 1 and fleet.separation_min > 0.0:
@@ -111,8 +118,8 @@ class Condensed:
         to_u = self._to_u.reshape(-1, fleet.dimension, columns)
         speed = np.einsum("rd,rdn->rn", self._velocity(v)[first:].reshape(-1, fleet.dimension), to_v)
         force = np.einsum("rd,rdn->rn", (self._to_u @ v).reshape(-1, fleet.dimension), to_u)
-        box = self._to_q[first * size :]
-        parts = [-2.0 * speed, -2.0 * force, box, -box]
+        off_centre = (self._position(v)[first:] - self._centre).ravel()
+        parts = [-2.0 * speed, -2.0 * force, -2.0 * off_centre[:, None] * self._to_q[first * size :]]
         square = self._squares(v)[1]
         if fleet.size > 1 and fleet.separation_min > 0.0:
             parts.append(square.reshape(-1, columns))

@@ -47,6 +47,7 @@ _ENTRIES = (
     Entry("ipopt-min", "ipopt", "hard", "CasADi, IPOPT, the minimum as it is, L-BFGS"),
     Entry("sqpmethod", "sqpmethod", "smoothed", "CasADi's sqpmethod, soft minimum, BFGS"),
     Entry("slsqp", "slsqp", "smoothed", "SciPy's SLSQP, condensed (3.19 to 3.22), soft minimum"),
+    Entry("slsqp-min", "slsqp", "hard", "the same, the minimum as it is: the thesis's own way"),
     Entry("cvxpy", "cvxpy_", "canonicalised", "our subproblem written in CVXPY, canonicalised each time"),
 )
 

@@ -41,8 +41,16 @@ class Excess:
 
 
 def excesses(case: Case, points: Any) -> list[Excess]:
-    """Return the excesses over the (d, (N+1) m) points of the fleet, sample by sample and agent by agent."""
+    """Return the excesses over the (d, (N+1) m) points of the fleet, sample by sample and agent by agent.
+
+    Raises
+    ------
+    NotImplementedError
+        Cells are owed several looks.
+    """
     window, parts = case.window, []
+    if window.looks is not None:
+        raise NotImplementedError("a sum of the r smallest (looks > 1) is not written for CasADi")
     fleet, samples = window.fleet, window.steps + 1
     for magnitude in range(fleet.radius.shape[1]):
         live = np.flatnonzero(window.weight[magnitude] > 0.0)

@@ -1,0 +1,120 @@
+"""Shortening a long plan stretch by stretch: small QPs whose cost does not grow with the mission.
+
+A stretch begins and ends in the states of the plan around it and has to cover only what nothing else in the
+plan covers. Asked for the same in one sample less, it takes a sample off the whole plan.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.constraints.boundary import Ends
+from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.planning.continuation import judge, refine
+from mpc_cover.planning.window import Window
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.planning.continuation import Refined
+    from mpc_cover.planning.task import Task
+    from solvers.backends.base import Backend
+
+_STAGES = (20.0, 40.0)
+_ITERATIONS = 2
+
+
+def resampled(velocity: FloatArray, steps: int) -> FloatArray:
+    """Return a motion's velocities (N+1, m, d) [m/s] played in `steps` samples: faster along the same path."""
+    old = velocity.shape[0] - 1
+    place = np.linspace(0.0, old, steps + 1)
+    low = np.minimum(place.astype(int), old - 1)
+    part = (place - low)[:, None, None]
+    between = (1.0 - part) * velocity[low] + part * velocity[low + 1]
+    scaled = between * (old / steps)
+    scaled[0], scaled[-1] = velocity[0], velocity[-1]
+    return np.asarray(scaled)
+
+
+def improve(
+    task: Task,
+    motion: tuple[FloatArray, FloatArray],
+    backend: Backend,
+    *,
+    length: int,
+    passes: int,
+    deadline: float | None,
+    told: Callable[[int], None] | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return a motion (positions [m], velocities [m/s]) that covers no less, repaired and shortened where it can be.
+
+    Stretches of `length` samples are taken one after another, each beginning in the middle of the one before,
+    `passes` times or until a pass gains nothing. `deadline` is on `time.perf_counter`; `told` hears of the
+    length after each stretch.
+    """
+    position, velocity = motion
+    for _ in range(passes):
+        before, begin = velocity.shape[0], 0
+        while begin < velocity.shape[0] - 2:
+            if deadline is not None and time.perf_counter() >= deadline:
+                return position, velocity
+            end = min(begin + length, velocity.shape[0] - 1)
+            position, velocity = _stretch(task, (position, velocity), backend, begin, end)
+            begin += length // 2
+            if told is not None:
+                told(velocity.shape[0] - 1)
+        if velocity.shape[0] == before:
+            break
+    return position, velocity
+
+
+def _stretch(
+    task: Task, motion: tuple[FloatArray, FloatArray], backend: Backend, begin: int, end: int
+) -> tuple[FloatArray, FloatArray]:
+    """Replace samples `begin` to `end` by better ones, or by themselves.
+
+    One less if that covers as much, else as many or one more that cover more or violate less.
+    """
+    position, velocity = motion
+    owed = _left_by_others(task, position, begin, end)
+    steps = end - begin
+    window = _window(task, motion, owed, begin, end, steps)
+    now = judge(window, window.decision(position[begin], velocity[begin : end + 1]))
+    complete = now.feasible and now.cost == 0.0
+    for count in (steps - 1,) if complete else (steps, steps + 1):
+        window = _window(task, motion, owed, begin, end, count)
+        x = window.exact_ends(window.decision(position[begin], resampled(velocity[begin : end + 1], count)))
+        found = refine(window, x, backend, sharpness=_STAGES, iterations=_ITERATIONS, region=0.5)
+        if _better(found, now, longer=count > steps):
+            joined = np.concatenate([velocity[:begin], window.motion(found.x)[1], velocity[end + 1 :]])
+            whole = task.window(joined.shape[0] - 1)
+            return whole.motion(whole.decision(position[0], joined))
+    return motion
+
+
+def _better(new: Refined, old: Refined, *, longer: bool) -> bool:
+    """Feasible before complete before cheaper; a longer stretch must be worth its sample."""
+    if not new.feasible:
+        return not old.feasible and new.violation < 0.8 * old.violation
+    if not old.feasible or new.cost == 0.0:
+        return True
+    return not longer and new.cost < old.cost
+
+
+def _window(
+    task: Task, motion: tuple[FloatArray, FloatArray], weight: FloatArray, begin: int, end: int, steps: int
+) -> Window:
+    position, velocity = motion
+    last = end == velocity.shape[0] - 1
+    ends = Ends(position[begin], velocity[begin], None if last else position[end], velocity[end])
+    return Window(task.fleet, task.cell, weight, steps, task.period, ends)
+
+
+def _left_by_others(task: Task, position: FloatArray, begin: int, end: int) -> FloatArray:
+    """Return the weights (J, K) of what only the samples inside a stretch cover, or nothing does."""
+    others = np.concatenate([position[: begin + 1], position[end:]])
+    return still_owed(others, task.cell, task.fleet.radius, task.weight)

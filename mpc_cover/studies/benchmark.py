@@ -1,0 +1,196 @@
+"""`mpc-cover bench planner`: everyone solves the same problem, one after the other, and is judged alike."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import platform
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+from mpc_cover import __version__
+from mpc_cover.errors import UserError
+from mpc_cover.studies.case import GUESSES, make_case, start_from
+from mpc_cover.studies.peers.registry import OURS, chosen
+from mpc_cover.studies.race import Run, race
+from mpc_cover.studies.verdict import TOLERANCE, judge
+from mpc_cover.view.benchmark import Curve, Row, draw_history
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.studies.verdict import Verdict
+
+_PACKAGES = ("casadi", "clarabel", "cvxpy", "numpy", "osqp", "piqp", "scipy")
+
+
+@dataclass(frozen=True, eq=False)
+class Race:
+    """All peers from one guess: its name, what the guess itself is worth, and what became of everyone."""
+
+    guess: str
+    before: Verdict
+    runs: tuple[Run, ...]
+
+
+def guesses_of(name: str) -> tuple[str, ...]:
+    """Return the guesses that a name stands for.
+
+    Raises
+    ------
+    UserError
+        It is neither a guess nor "all".
+    """
+    if name == "all":
+        return GUESSES
+    if name not in GUESSES:
+        raise UserError(f"--guess {name}: is none: must be one of {', '.join(GUESSES)} or all")
+    return (name,)
+
+
+def run_benchmark(
+    mission: Mission, guess: str, peers: str | None, limit_s: float, told: Callable[[str, Run], None]
+) -> list[Race]:
+    """Let the peers of a comma-separated list (None: all) solve the mission from a guess, or from all of them.
+
+    `told` hears the guess and the run so far as iterates come in.
+
+    Raises
+    ------
+    UserError
+        An unknown guess or peer.
+    """
+    names, entries = guesses_of(guess), chosen(peers)
+    case = make_case(mission)
+    races = []
+    for name in names:
+        x = start_from(case, name)
+        runs = [race(entry.name, mission, x, limit_s, partial(told, name)) for entry in entries]
+        races.append(Race(name, judge(case, x), tuple(runs)))
+    return races
+
+
+def rows_of(race_: Race) -> list[Row]:
+    """Return a race as the table shows it; times are compared with those of `ours-piqp`, where it takes part."""
+    ours = next((run.time_s for run in race_.runs if run.name == OURS and run.answered), None)
+    return [_row(run, ours) for run in race_.runs]
+
+
+def curves_of(race_: Race) -> list[Curve]:
+    """Return the least J that each peer had by when, of iterates that hold at the samples."""
+    curves = []
+    for run in race_.runs:
+        times, costs = list[float](), list[float]()
+        for time_s, verdict in run.seen:
+            if verdict.holds_sampled and (not costs or verdict.cost < costs[-1]):
+                times.append(time_s)
+                costs.append(verdict.cost)
+        if times:
+            curves.append(Curve(run.name, times, costs, run.time_s))
+    return curves
+
+
+def write_benchmark(folder: Path, mission: Mission, races: list[Race], limit_s: float) -> list[Path]:
+    """Write bench.json, bench.csv and a figure for each guess.
+
+    Raises
+    ------
+    UserError
+        The folder cannot be written.
+    """
+    report = as_dict(mission, races, limit_s)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        files = [folder / "bench.json", folder / "bench.csv"]
+        files[0].write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        files[1].write_text(_as_csv(report), encoding="utf-8")
+        for race_ in races:
+            file = folder / f"bench-{race_.guess}.png"
+            title = f"{mission.spec.name}, from {race_.guess}"
+            files.append(draw_history(curves_of(race_), title, file))
+    except OSError as error:
+        raise UserError(f"--out {folder}: cannot be written: {error.strerror or error}") from None
+    return files
+
+
+def check_folder(folder: Path) -> None:
+    """Find out before the work, not after it, whether a folder can be written.
+
+    Raises
+    ------
+    UserError
+        It cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "bench.json").touch()
+    except OSError as error:
+        raise UserError(f"--out {folder}: cannot be written: {error.strerror or error}") from None
+
+
+def as_dict(mission: Mission, races: list[Race], limit_s: float) -> dict[str, Any]:
+    """Return everything as plain data for `--json` and bench.json; what is not finite becomes None."""
+    return {
+        "mission": mission.spec.name,
+        "time_limit_s": limit_s,
+        "tolerance": TOLERANCE,
+        "version": __version__,
+        "machine": {"system": platform.platform(), "python": platform.python_version(), "cores": os.cpu_count()},
+        "packages": {name: _version(name) for name in _PACKAGES},
+        "guesses": [
+            {
+                "guess": race_.guess,
+                "J_m": race_.before.cost,
+                "covered_percent": race_.before.covered_percent,
+                "peers": [row.to_dict() for row in rows_of(race_)],
+                "history": {curve.name: {"time_s": curve.time_s, "J_m": curve.cost_m} for curve in curves_of(race_)},
+            }
+            for race_ in races
+        ],
+    }
+
+
+def _row(run: Run, ours: float | None) -> Row:
+    best, flyable = run.best, run.flyable
+    verdict = best.verdict if best is not None and best.verdict.holds_sampled else None
+    shown = best.verdict if best is not None else None
+    return Row(
+        name=run.name,
+        setup_s=run.setup_s if run.seen else None,
+        time_s=run.time_s if run.seen else None,
+        ratio=run.time_s / ours if ours and run.seen else None,
+        cost_m=verdict.cost if verdict else None,
+        covered_percent=verdict.covered_percent if verdict else None,
+        best_at_s=best.time_s if best is not None and verdict else None,
+        flyable_cost_m=flyable.verdict.cost if flyable else None,
+        violation_sampled=shown.sampled if shown else None,
+        violation_path=shown.path if shown else None,
+        separation_sampled_m=shown.separation_sampled if shown else None,
+        separation_path_m=shown.separation_path if shown else None,
+        iterations=run.iterations if run.answered else None,
+        status=run.status,
+        worst=shown.worst if shown else "",
+        holds=bool(shown and shown.holds),
+    )
+
+
+def _as_csv(report: dict[str, Any]) -> str:
+    table = io.StringIO()
+    rows = [{"guess": part["guess"], **row} for part in report["guesses"] for row in part["peers"]]
+    writer = csv.DictWriter(table, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return table.getvalue()
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None

@@ -1,0 +1,131 @@
+"""`mpc-cover study horizon`: fly what is missing, keep each run as it is finished, report on all there is."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from mpc_cover.studies.grid import runs_of
+from mpc_cover.studies.measure import fly
+from mpc_cover.studies.progress import StudyProgress
+from mpc_cover.studies.report import print_groups, write_report
+from mpc_cover.studies.results import StudyFolder
+from mpc_cover.studies.tally import group
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from contextlib import AbstractContextManager
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from mpc_cover.studies.crew import Crew
+    from mpc_cover.studies.grid import Grid
+    from mpc_cover.studies.measure import Fly
+    from mpc_cover.studies.runs import Run
+    from mpc_cover.studies.tally import Group
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """What a study came out with.
+
+    Attributes
+    ----------
+    wanted, finished : how many runs were asked for, and how many of them are there.
+    broken : how many of them broke off; they are flown again next time.
+    interrupted : whether Ctrl-C ended it.
+    groups : of all runs in the folder, by mission.
+    files : what was written, the report first.
+    """
+
+    wanted: int
+    finished: int
+    broken: int
+    interrupted: bool
+    groups: dict[str, list[Group]]
+    files: list[Path]
+
+    @property
+    def exit_status(self) -> int:
+        """0 when every run was flown; what they showed is in the report."""
+        return INTERRUPTED if self.interrupted else int(self.finished < self.wanted or self.broken > 0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as plain data for `--json`."""
+        return {
+            "wanted": self.wanted,
+            "finished": self.finished,
+            "broken_off": self.broken,
+            "interrupted": self.interrupted,
+            "groups": [group.to_dict() for groups in self.groups.values() for group in groups],
+            "files": [str(file) for file in self.files],
+        }
+
+
+def run_study(
+    grid: Grid,
+    out: Path,
+    crew: AbstractContextManager[Crew],
+    console: Console,
+    *,
+    command: str,
+    fly: Fly = fly,
+) -> StudyResult:
+    """Fly the runs that are not in `out` yet, and write tables and report of all that are.
+
+    Parameters
+    ----------
+    crew : who flies them; entered before anything is written.
+    command : what the report says it was made by.
+    fly : flies one run; must be importable where the crew works.
+
+    Raises
+    ------
+    UserError
+        Whatever would stop a run, or the results from being written; before the first run where it can be told.
+    """
+    work = runs_of(grid)
+    with crew as hands:
+        folder = StudyFolder(out, work.fingerprints, command)
+        folder.open()
+        todo = [run for run in work.runs if run.key not in folder.finished]
+        _announce(console, work.remarks, folder, len(work.runs), len(todo))
+        interrupted = _fly(hands, todo, folder, console, fly)
+    groups = group(folder.records)
+    files = [*write_report(groups, folder), *folder.write_tables()] if folder.records else []
+    print_groups(groups, console)
+    wanted = {run.key for run in work.runs}
+    found = [record for record in folder.records if record.key in wanted]
+    broken = sum(bool(record.error) for record in found)
+    if interrupted or len(found) < len(wanted):
+        console.print(
+            f"stopped: {len(found)} of {len(wanted)} runs are finished; the same command goes on from there",
+            highlight=False,
+        )
+    return StudyResult(len(wanted), len(found), broken, interrupted, groups, files)
+
+
+def _announce(console: Console, remarks: Sequence[str], folder: StudyFolder, wanted: int, todo: int) -> None:
+    kept = f", {wanted - todo} of them already there" if todo < wanted else ""
+    damaged = f"{folder.damaged} files in {folder.path}/runs cannot be read and do not count"
+    for line in (*remarks, *([damaged] if folder.damaged else []), f"{wanted} runs{kept}; results in {folder.path}"):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _fly(crew: Crew, runs: Sequence[Run], folder: StudyFolder, console: Console, fly: Fly) -> bool:
+    """Fly and keep; return whether Ctrl-C put an end to it."""
+    if not runs:
+        return False
+    try:
+        with StudyProgress(console, len(runs)) as progress, closing(crew.fly(runs, fly)) as records:
+            for record in records:
+                folder.keep(record)
+                progress.show(record)
+    except KeyboardInterrupt:
+        return True
+    return False

@@ -1,0 +1,124 @@
+"""Figures 1.1 and 1.2: the sizing model against simulations of the potential law, averaged over random starts.
+
+`python -m mpc_cover.studies.sizing_simulation` prints the table and the model's errors.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.studies.fleet_sizing import (
+    ModelError,
+    SizingProblem,
+    covered_fraction,
+    measurement_rate,
+    model_error,
+    sizing_table,
+)
+from mpc_cover.studies.swarm import run
+from mpc_cover.studies.swarm_parameters import LookInformation, Scenario, SwarmParameters
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from mpc_cover.arrays import FloatArray
+
+_CELLS_A_RADIUS = 4
+"""So fine that cells hardly matter."""
+_PERIOD_S = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class CoverageCurve:
+    """The covered part over time, of the model and of simulations (figure 1.1).
+
+    Attributes
+    ----------
+    time : (T,) [s].
+    model : (T,) by (1.2).
+    simulated : (T,) mean over the seeds.
+    spread : (2, T) the smallest and largest over the seeds.
+    rounds_s : (S,) time that each seed took to cover the wanted part; inf for never.
+    error : between model and mean.
+    """
+
+    agents: int
+    time: FloatArray
+    model: FloatArray
+    simulated: FloatArray
+    spread: FloatArray
+    rounds_s: FloatArray
+    error: ModelError
+
+    @property
+    def rate_hz(self) -> float:
+        """The rate of measurement that the simulations give [Hz]."""
+        return 1.0 / float(self.rounds_s.mean())
+
+
+def scenario_of(problem: SizingProblem, agents: int) -> Scenario:
+    """Return a square of the problem's area with N agents that fly by the potential law, without constraints."""
+    edge = math.sqrt(problem.area_m2)
+    cells = max(1, round(edge / problem.radius_m * _CELLS_A_RADIUS))
+    swarm = SwarmParameters(information=LookInformation(1), period_s=_PERIOD_S)
+    return Scenario(
+        swarm,
+        size_m=(edge, edge),
+        cell_size_m=edge / cells,
+        agents=agents,
+        radius_m=problem.radius_m,
+        speed_max_m_per_s=problem.speed_m_per_s,
+    )
+
+
+def coverage_curve(problem: SizingProblem, agents: int, seeds: range, duration_s: float | None = None) -> CoverageCurve:
+    """Simulate N agents once for each seed and compare with the model.
+
+    `duration_s` is how long both are looked at; by default until the model covers the wanted part.
+    """
+    longest = duration_s if duration_s is not None else 1.0 / measurement_rate(problem, agents)
+    time = np.arange(0.0, longest + _PERIOD_S, _PERIOD_S)
+    parts, rounds = [], []
+    for seed in seeds:
+        record = run(scenario_of(problem, agents), seed)
+        parts.append(np.searchsorted(np.sort(record.covered_at), time + 1e-9, side="right") / record.covered_at.size)
+        rounds.append(record.time_to(problem.cover))
+    every = np.array(parts)
+    mean, spread = every.mean(axis=0), np.array([every.min(axis=0), every.max(axis=0)])
+    model = covered_fraction(problem, agents, time)
+    error = model_error(problem, agents, time, mean)
+    return CoverageCurve(agents, time, model, mean, spread, np.array(rounds), error)
+
+
+def coverage_curves(
+    problem: SizingProblem, numbers: Iterable[int] = (5, 10, 15), seeds: range = range(10)
+) -> list[CoverageCurve]:
+    """Return a curve for each number of agents, all as long as the slowest by the model (figure 1.1)."""
+    counts = list(numbers)
+    duration = max(1.0 / measurement_rate(problem, agents) for agents in counts)
+    return [coverage_curve(problem, agents, seeds, duration) for agents in counts]
+
+
+def main() -> None:
+    """Print the table for 100 m^2, 1 m and 1.5 m/s, and what the simulations say."""
+    problem = SizingProblem(area_m2=100.0, radius_m=1.0, speed_m_per_s=1.5)
+    lines = [f"{problem}"]
+    lines += [
+        f"  {row.agents:3d} agents: {row.rate_hz:.4f} Hz, a round takes {row.round_s:6.2f} s; at rest {row.at_rest:.1%}"
+        for row in sizing_table(problem, (1, 2, 3, 5, 8, 10, 15, 20))
+    ]
+    for curve in coverage_curves(problem):
+        lines.append(
+            f"  {curve.agents:3d} simulated: {curve.rate_hz:.4f} Hz, a round {curve.rounds_s.mean():6.2f} s; "
+            f"the model's mean absolute error {curve.error.mean_absolute:.3f}, largest {curve.error.largest:.3f}"
+        )
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""Random starts of a fleet: apart, connected, and the same for a seed whatever flies them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.errors import UserError
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.fleet import Fleet
+
+_STREAM = 0x57A7
+"""Keeps these draws apart from other uses of the same seed."""
+_PROPOSALS = 200
+"""Places proposed for an agent before all are drawn anew."""
+_ATTEMPTS = 200
+_ROOM = 0.02
+"""Part of the gap between rho_B and rho_C that starts keep from either: no fleet starts on the brink."""
+
+
+def random_starts(fleet: Fleet, seed: int) -> FloatArray:
+    """Return (m, d) starts [m] in the motion box, at least rho_B apart, connected within rho_C, links included.
+
+    Rejection sampling, agent by agent: the first is uniform in the box; each other one is uniform in the part
+    of the box within rho_C of an agent drawn from those placed (a cube about it), and is proposed again until it
+    is far enough from all who are placed and near enough to one of them. Whoever finds no place makes everyone
+    start anew.
+
+    Raises
+    ------
+    UserError
+        The box has no room for the fleet, or too little to be found.
+    """
+    rng = np.random.default_rng((seed, _STREAM))
+    for _ in range(_ATTEMPTS):
+        placed = np.empty((0, fleet.dimension))
+        while len(placed) < fleet.size and (place := _find_place(fleet, placed, rng)) is not None:
+            placed = np.concatenate([placed, place[None]])
+        if len(placed) == fleet.size:
+            return placed
+    apart = f"{fleet.separation_min:g} m apart"
+    near = f" and connected within {fleet.communication_range:g} m" if np.isfinite(fleet.communication_range) else ""
+    raise UserError(
+        f"--starts random: found no starts for {fleet.size} agents {apart}{near} "
+        f"between {fleet.motion_min.tolist()} and {fleet.motion_max.tolist()}: give them more room, or --starts mission"
+    )
+
+
+def _find_place(fleet: Fleet, placed: FloatArray, rng: np.random.Generator) -> FloatArray | None:
+    """Return a place (d,) for the next agent, or None if none of the proposals will do."""
+    agent = len(placed)
+    linked = [min(pair) for pair in fleet.links if max(pair) == agent]
+    near = linked or list(range(agent))
+    for _ in range(_PROPOSALS):
+        low, high = fleet.motion_min, fleet.motion_max
+        if near and np.isfinite(fleet.communication_range):
+            centre = placed[near[int(rng.integers(len(near)))]]
+            low = np.maximum(low, centre - fleet.communication_range)
+            high = np.minimum(high, centre + fleet.communication_range)
+        place = rng.uniform(low, high)
+        if _fits(fleet, placed, place, linked):
+            return place
+    return None
+
+
+def _fits(fleet: Fleet, placed: FloatArray, place: FloatArray, linked: list[int]) -> bool:
+    if len(placed) == 0:
+        return True
+    least, reach = fleet.separation_min, fleet.communication_range
+    room = _ROOM * (reach - least if np.isfinite(reach) else least)
+    distance = np.linalg.norm(placed - place, axis=1)
+    near = distance <= reach - room
+    return bool((distance >= least + room).all() and near.any() and near[linked].all())

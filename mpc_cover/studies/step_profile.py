@@ -1,0 +1,137 @@
+"""`mpc-cover bench step`: where the milliseconds of a control step go, over a flight in closed loop.
+
+The functions of interest are timed from outside, for the duration of the flight: there is no timing code in the
+planner. Times are exclusive: what a timed function spends in another timed function counts there.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from contextlib import ExitStack
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpc_cover.control.receding_horizon import RecedingHorizon
+from mpc_cover.studies.patching import patched
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mpc_cover.mission.load import Mission
+
+PLACES = {
+    "nearest samples": ("coverage.majoriser:nearest_samples", "coverage.objective:nearest_samples"),
+    "majoriser": ("planning.subproblem:build_majoriser", "planning.subproblem:coverage_terms"),
+    "rows": ("planning.subproblem:motion_rows", "planning.subproblem:bound_rows", "planning.subproblem:pair_rows"),
+    "stacking": ("planning.problem:build_subproblem",),
+    "QP set-up": ("solvers.backends.base:Backend.load",),
+    "QP solve": ("solvers.backends.base:Backend.warm_start", "solvers.backends.base:Backend.solve"),
+    "measuring": ("planning.problem:CoverageProblem.measure", "planning.continuation:coverage_cost"),
+    "verification": ("control.receding_horizon:verify_motion",),
+    "splicing": (
+        "control.receding_horizon:spliced",
+        "control.receding_horizon:RecedingHorizon._next",
+        "control.receding_horizon:RecedingHorizon._left_by",
+    ),
+}
+"""What is timed under which name: "module:attribute", modules within mpc_cover unless they are the solvers'."""
+
+_LONGEST = 2000
+"""Steps after which a flight that does not finish has shown enough."""
+
+
+class Stopwatch:
+    """Exclusive times by name [s]."""
+
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.spent: dict[str, float] = defaultdict(float)
+        self._clock = clock
+        self._inner: list[float] = []
+
+    def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Return `function`, its time on the account `name`."""
+
+        def wrapper(*arguments: Any, **options: Any) -> Any:
+            begun = self._clock()
+            self._inner.append(0.0)
+            try:
+                return function(*arguments, **options)
+            finally:
+                total = self._clock() - begun
+                self.spent[name] += total - self._inner.pop()
+                if self._inner:
+                    self._inner[-1] += total
+
+        return wrapper
+
+    def reset(self) -> dict[str, float]:
+        """Return the accounts, and open new ones."""
+        spent, self.spent = dict(self.spent), defaultdict(float)
+        return spent
+
+
+def profile_steps(
+    mission: Mission, backend: str, told: Callable[[float], None] = lambda _: None
+) -> dict[str, tuple[float, float, float]]:
+    """Fly a mission and return for each part of a step (median [ms], 99th percentile [ms], share of all time).
+
+    "step" is the whole step, "the rest" what no part accounts for. `told` hears the covered part, 0 to 1.
+
+    Raises
+    ------
+    UserError
+        For an unknown back-end.
+    """
+    brain, watch = RecedingHorizon(mission, backend=backend), Stopwatch()
+    with ExitStack() as stack:
+        for name, places in PLACES.items():
+            for place in places:
+                owner, attribute = _owner(place)
+                function = getattr(owner, attribute)
+                stack.enter_context(patched(owner, attribute, watch.timed(name, function)))
+        steps = _fly(mission, brain, watch, told)
+    parts = {name: np.array([step.get(name, 0.0) for step in steps]) for name in [*PLACES, "the rest", "step"]}
+    whole = max(float(parts["step"].sum()), 1e-12)
+    return {
+        name: (float(1e3 * np.median(each)), float(1e3 * np.percentile(each, 99)), float(each.sum()) / whole)
+        for name, each in parts.items()
+    }
+
+
+def _fly(
+    mission: Mission, brain: RecedingHorizon, watch: Stopwatch, told: Callable[[float], None]
+) -> list[dict[str, float]]:
+    """Fly what the controller plans, exactly, until everything is covered; return the accounts of each step."""
+    period, state_period = mission.spec.control.period_s, mission.spec.control.state_period_s
+    position, velocity = mission.fleet.start, np.zeros_like(mission.fleet.start)
+    brain.coverage.observe(0.0, position)
+    plan = brain.prepare(position, velocity, 0.0, deadline=None).plan
+    steps: list[dict[str, float]] = []
+    for k in range(_LONGEST):
+        now, then = k * period, (k + 1) * period
+        for instant in np.append(np.arange(now + state_period, then - 1e-9, state_period), then):
+            brain.coverage.observe(float(instant), plan.state_at(float(instant))[0])
+        told(brain.coverage.fraction)
+        if brain.coverage.complete and steps:
+            break
+        position, velocity = plan.state_at(then)
+        watch.reset()
+        begun = time.perf_counter()
+        plan = brain.step(position, velocity, then, deadline=None).plan
+        whole = time.perf_counter() - begun
+        spent = watch.reset()
+        steps.append({**spent, "the rest": whole - sum(spent.values()), "step": whole})
+    return steps
+
+
+def _owner(place: str) -> tuple[Any, str]:
+    """Return the module or class that holds "module:attribute" or "module:Class.attribute", and the attribute."""
+    module, _, path = place.partition(":")
+    owner: Any = import_module(module if module.startswith("solvers.") else f"mpc_cover.{module}")
+    *classes, attribute = path.split(".")
+    for name in classes:
+        owner = getattr(owner, name)
+    return owner, attribute

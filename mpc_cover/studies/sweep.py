@@ -1,0 +1,142 @@
+"""The static boustrophedon partition: each agent sweeps a strip of its own and knows nothing of the others.
+
+Before the start the cells are cut into strips, one an agent, with cells in proportion to speed, and handed out in
+the order in which the agents stand; of both axes the one is taken along which the slowest is done first. Each
+agent flies to and fro through its strip, lane by lane, as fast as waypoint following gets it there within its
+limits; then it visits what was left over in its strip, always the nearest cell first.
+
+That is all. Nobody looks out for separation or connectivity: strips do not overlap, but the ways there may cross,
+and a fleet spread over strips may lose touch. The verifier counts that as it does for everyone.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.control.fallback import Rung, plan_from_velocities
+from mpc_cover.information.coverage_map import CoverageMap
+from mpc_cover.planning.follow import follow
+from mpc_cover.planning.lanes import cut_lanes, snake, swath_of
+from mpc_cover.studies.outcome import Step, stepped, stopping_plan
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import BoolArray, FloatArray, IntArray
+    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.mission.load import Mission
+
+
+@dataclass(frozen=True, eq=False)
+class Strip:
+    """One agent's share.
+
+    Attributes
+    ----------
+    path : (W, d) waypoints through its lanes [m].
+    own : (J, K) what of which cell it answers for.
+    """
+
+    path: FloatArray
+    own: BoolArray
+
+
+class SweepBrain:
+    """The partition as a brain of the service; deterministic.
+
+    Parameters
+    ----------
+    mission : what to cover, with whom.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self._mission = mission
+        self._period = mission.spec.control.period_s
+        fleet = self._fleet = _off_the_walls(mission.fleet, self._period)
+        self._cell = np.clip(mission.field.cell, fleet.motion_min, fleet.motion_max)
+        self._capture = 0.5 * fleet.speed_max**2 / fleet.input_max
+        braking = np.ceil((fleet.speed_max / (fleet.input_max * self._period)).max())
+        self._steps = 2 * int(braking) + 2
+        self.coverage = CoverageMap(mission)
+        self._strips: list[Strip] = []
+        self._passed: IntArray = np.zeros(fleet.size, dtype=np.intp)
+
+    def prepare(self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None) -> Step:
+        """Share out what is owed among agents at rest at (m, d) `position` [m], and start."""
+        begun = time.perf_counter()
+        shares = [self._cut(position, axis) for axis in range(position.shape[1])]
+        self._strips = min(shares, key=lambda strips: self._flight(strips, position, velocity))
+        self._passed = np.zeros(len(position), dtype=np.intp)
+        return self._onward(begun, position, velocity, start_time, deadline)
+
+    def step(self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None) -> Step:
+        """Return the plan towards everyone's next waypoints from the (m, d) state at `start_time`."""
+        return self._onward(time.perf_counter(), position, velocity, start_time, deadline)
+
+    def _onward(
+        self, begun: float, position: FloatArray, velocity: FloatArray, start_time: float, deadline: float | None
+    ) -> Step:
+        if self.coverage.complete:
+            stop = stopping_plan(self._mission, position, velocity, start_time, self._steps)
+            return stepped(begun, deadline, stop, "all is covered", Rung.REST)
+        paths = [self._ahead(agent, position[agent], velocity[agent]) for agent in range(len(position))]
+        motion = follow(paths, position, velocity, self._fleet, self._period, steps=self._steps)
+        plan = plan_from_velocities(position, velocity, motion.velocity[1:], start_time, self._period)
+        return stepped(begun, deadline, plan, "sweeps")
+
+    def _ahead(self, agent: int, here: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Return an agent's waypoints: the rest of its lanes, else its nearest owed cell, else where it can stop."""
+        strip = self._strips[agent]
+        while self._passed[agent] < len(strip.path):
+            path = strip.path[self._passed[agent] :]
+            if np.linalg.norm(path[0] - here) >= self._capture[agent]:
+                return path
+            self._passed[agent] += 1
+        left = self._cell[(strip.own & self.coverage.owed).any(axis=0)]
+        if len(left):
+            return left[[int(np.argmin(np.linalg.norm(left - here, axis=1)))]]
+        braking = 0.5 * np.linalg.norm(velocity) / self._fleet.input_max[agent]
+        return np.asarray((here + braking * velocity)[None])
+
+    def _flight(self, strips: list[Strip], position: FloatArray, velocity: FloatArray) -> int:
+        """Return how many steps it takes all to fly their lanes."""
+        paths = [strip.path for strip in strips]
+        return follow(paths, position, velocity, self._fleet, self._period).steps
+
+    def _cut(self, position: FloatArray, axis: int) -> list[Strip]:
+        """Return a strip along `axis` for each agent; agents of unlike abilities share out what each can measure."""
+        able = np.isfinite(self._fleet.radius)
+        strips = [Strip(here[None], np.zeros_like(self.coverage.owed)) for here in position]
+        for pattern in np.unique(able, axis=0):
+            team = np.flatnonzero((able == pattern).all(axis=1))
+            owed = self.coverage.owed & pattern[:, None]
+            for agent, cells in self._split(team, position, np.flatnonzero(owed.any(axis=0)), axis):
+                own = np.zeros_like(owed)
+                own[:, cells] = owed[:, cells]
+                strips[agent] = Strip(self._lanes(agent, position[agent], cells, axis), own)
+        return strips
+
+    def _split(self, team: IntArray, position: FloatArray, cells: IntArray, axis: int) -> list[tuple[int, IntArray]]:
+        """Cut cells into strips side by side, one for each of a team, as many cells as its share of the speed."""
+        across = (axis + 1) % position.shape[1]
+        ordered = cells[np.argsort(self._cell[cells, across], kind="stable")]
+        agents = team[np.argsort(position[team, across], kind="stable")]
+        speed = self._fleet.speed_max[agents]
+        edges = np.round(np.cumsum(speed) / speed.sum() * len(ordered)).astype(int)
+        return [(int(a), part) for a, part in zip(agents, np.split(ordered, edges[:-1]), strict=True) if len(part)]
+
+    def _lanes(self, agent: int, here: FloatArray, cells: IntArray, axis: int) -> FloatArray:
+        fleet = self._fleet
+        radius = fleet.radius[agent]
+        swath = swath_of(float(radius[np.isfinite(radius)].min()), float(fleet.speed_max[agent]), self._period)
+        path = snake(cut_lanes(self._cell[cells], swath, axis), here)
+        return np.asarray(np.clip(path, fleet.motion_min, fleet.motion_max))
+
+
+def _off_the_walls(fleet: Fleet, period: float) -> Fleet:
+    """Return the fleet in a box smaller by what a path may bulge out between two samples, u_max T_s^2 / 8."""
+    size = fleet.motion_max - fleet.motion_min
+    inset = np.minimum(float(fleet.input_max.max()) * period**2 / 8.0, 0.25 * size)
+    return replace(fleet, motion_min=fleet.motion_min + inset, motion_max=fleet.motion_max - inset)
