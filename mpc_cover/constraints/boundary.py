@@ -28,16 +28,23 @@ class Ends:
 
 
 def bound_rows(
-    layout: Layout, position: FloatArray, box: tuple[FloatArray, FloatArray], trust: float, ends: Ends
+    layout: Layout,
+    position: FloatArray,
+    box: tuple[FloatArray, FloatArray],
+    trust: float,
+    ends: Ends,
+    still: tuple[int, ...] = (),
 ) -> list[Rows]:
     """Return bounds on all positions, and the equalities of the ends.
 
     `position` is the iterate (N+1, m, d) [m], which `trust` [m] keeps near; `box` the corners (d,) [m]. An
-    iterate outside the box may stay where it is, but goes no farther out.
+    iterate outside the box may stay where it is, but goes no farther out. Agents in `still` do not move.
     """
     lower = np.maximum(position - trust, np.minimum(box[0], position))
     upper = np.minimum(position + trust, np.maximum(box[1], position))
     stage = layout.agents * layout.dimension
+    if still:
+        lower[:, still] = upper[:, still] = position[:1, still]
     if ends.start_position is not None:
         lower[0] = upper[0] = ends.start_position
     if ends.end_position is not None:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.constraints.facets import Facets, turned_normals
-from mpc_cover.constraints.graph import minimum_spanning_trees
-from mpc_cover.constraints.pairs import PairDistances, elastic_pair_rows, linked_pairs
+from mpc_cover.constraints.graph import fleet_trees
+from mpc_cover.constraints.pairs import PairDistances, elastic_pair_rows
 
 if TYPE_CHECKING:
     from mpc_cover.constraints.rows import Layout, Rows
+    from mpc_cover.mission.fleet import Fleet
 
 
 def connectivity_rows(
@@ -22,7 +23,7 @@ def connectivity_rows(
     reach: float,
     facets: Facets,
     *,
-    links: tuple[tuple[int, int], ...] = (),
+    fleet: Fleet,
     first: int = 1,
 ) -> Rows:
     """Return ||q_i - q_j|| <= allowed for the tree's edges as inner polytopes turned towards the iterate.
@@ -36,14 +37,13 @@ def connectivity_rows(
     allowed : rho_C less a margin [m].
     between : what a path may leave its chord by, taken off where the iterate has that much room [m].
     reach : how much a distance may change within the trust region [m]; facets farther away need no row.
-    links : further pairs that are kept always: fixed topology (4.19).
+    fleet : who takes part, and which further pairs are kept always (fixed topology, 4.19).
     first : the first sample that is not given.
     """
-    tree = minimum_spanning_trees(pairs.most, layout.agents)
+    tree = fleet_trees(pairs.most, fleet)
     held = np.zeros((layout.steps + 1, tree.shape[1]), dtype=bool)
     held[1:] |= tree
     held[:-1] |= tree
-    held[:, linked_pairs(layout.agents, links)] = True
     held[:first] = False
     sample, pair = np.nonzero(held)
     difference = pairs.difference[sample, pair]

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.pairs import all_pairs
+from mpc_cover.constraints.pairs import all_pairs, linked_pairs
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.mission.fleet import Fleet
 
 
 def minimum_spanning_trees(weight: FloatArray, agents: int) -> BoolArray:
@@ -32,6 +33,17 @@ def minimum_spanning_trees(weight: FloatArray, agents: int) -> BoolArray:
         tree[every, edge] = True
         inside[every, first[edge]] = True
         inside[every, second[edge]] = True
+    return tree
+
+
+def fleet_trees(weight: FloatArray, fleet: Fleet) -> BoolArray:
+    """Return (graphs, pairs): the minimum spanning trees of the agents that take part, and the links they keep."""
+    tree = np.zeros(weight.shape, dtype=bool)
+    active = np.array(fleet.active, dtype=np.intp)
+    one, two = all_pairs(fleet.size)
+    pair = np.flatnonzero(np.isin(one, active) & np.isin(two, active))
+    tree[:, pair] = minimum_spanning_trees(weight[:, pair], len(active))
+    tree[:, linked_pairs(fleet.size, fleet.links)] = True
     return tree
 
 

@@ -8,10 +8,13 @@ What is published is that stretch, ended at rest and verified.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mpc_cover.control.fallback import Rung, brake_plan, shifted_plan
+from mpc_cover.control.readiness import slowed, tightened, without
 from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.errors import UserError
@@ -22,7 +25,7 @@ from mpc_cover.planning.task import Task
 from mpc_cover.verification.motion import verify_motion
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
 
@@ -67,7 +70,11 @@ class RecedingHorizon:
             raise UserError(
                 f"area.looks: {mission.spec.area.looks}: only `plan` plans for several looks, flights do not"
             )
-        self._mission = mission
+        self._given = mission
+        self._tight = tightened(mission)
+        self._lost = np.zeros(mission.fleet.size, dtype=bool)
+        self._share = np.ones(mission.fleet.size)
+        self._mission = replace(mission, fleet=self._tight)
         self._period = mission.spec.control.period_s
         self._engine = Engine(backend)
         self.seed = seed
@@ -105,6 +112,26 @@ class RecedingHorizon:
         else:
             self._whole, reason = self._improved(whole, start, deadline)
         return self._result(begun, deadline, *self._next(start, reason))
+
+    def set_lost(self, lost: BoolArray) -> None:
+        """Go on without the agents of the (m,) mask, or with them again; the work is shared out anew.
+
+        They stand still where the next step says they are, as obstacles. What only they could measure stays owed.
+        """
+        if not np.array_equal(lost, self._lost):
+            self._lost = np.array(lost, dtype=bool)
+            self._change_fleet()
+
+    def limit_speed(self, index: int, share: float) -> None:
+        """Plan for an agent that reaches only this share of its speed."""
+        if self._share[index] != share:
+            self._share[index] = share
+            self._change_fleet()
+
+    def _change_fleet(self) -> None:
+        fleet = without(slowed(self._tight, self._share), self._lost)
+        self._mission = replace(self._given, fleet=fleet)
+        self._whole = None
 
     def _task(self, start: Start) -> Task:
         weight = self.coverage.owed * self._mission.field.weight

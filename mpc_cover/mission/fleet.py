@@ -29,6 +29,7 @@ class Fleet:
     motion_min, motion_max : (d,) [m]  (3.13, 3.14).
     magnitudes : a name for each column of `radius`.
     links : pairs (i, j) that always stay within `communication_range` (4.19).
+    lost : agents that take no part any more: they stand still, and the others keep clear of them.
     """
 
     ids: tuple[str, ...]
@@ -42,11 +43,17 @@ class Fleet:
     motion_max: FloatArray
     magnitudes: tuple[str, ...] = ("coverage",)
     links: tuple[tuple[int, int], ...] = ()
+    lost: tuple[int, ...] = ()
 
     @property
     def size(self) -> int:
         """Number of agents m."""
         return len(self.ids)
+
+    @property
+    def active(self) -> tuple[int, ...]:
+        """The agents that take part."""
+        return tuple(i for i in range(self.size) if i not in self.lost)
 
     @property
     def dimension(self) -> int:

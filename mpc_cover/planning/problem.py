@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.graph import minimum_spanning_trees
-from mpc_cover.constraints.pairs import linked_pairs, pair_distances
+from mpc_cover.constraints.graph import fleet_trees
+from mpc_cover.constraints.pairs import pair_distances
 from mpc_cover.coverage.majoriser import soft_cost
 from mpc_cover.planning.subproblem import build_subproblem
 from mpc_cover.planning.window import requirements
@@ -63,7 +63,6 @@ class CoverageProblem:
             if fleet.separation_min > 0.0:
                 over.append(self.requirements.separation - pairs.least)
             if np.isfinite(fleet.communication_range):
-                tree = minimum_spanning_trees(pairs.most, fleet.size)
-                tree[:, linked_pairs(fleet.size, fleet.links)] = True
+                tree = fleet_trees(pairs.most, fleet)
                 over.append(np.where(tree, pairs.most - self.requirements.range, 0.0))
         return [np.maximum(part, 0.0) for part in over]

@@ -102,6 +102,8 @@ def _add_bounds(found: Reference, window: Window, bar_q: FloatArray, radius: flo
         lower = np.maximum(bar_q[n] - radius, np.minimum(fleet.motion_min, bar_q[n]))
         upper = np.minimum(bar_q[n] + radius, np.maximum(fleet.motion_max, bar_q[n]))
         found.constraints += [found.position[n] >= lower, found.position[n] <= upper]
+    for i in fleet.lost:
+        found.constraints += [q[i] == bar_q[0, i] for q in found.position]
     for n, velocity in ((0, ends.start_velocity), (window.steps, ends.end_velocity)):
         if velocity is not None:
             found.constraints.append(found.velocity[n] == velocity)
@@ -151,8 +153,7 @@ def _add_pairs(
     if np.isfinite(fleet.communication_range):
         facets = inscribed(layout.dimension, settings.edge_sides)
         slack = 0.5 * float(between.max())
-        first, links = window.first, fleet.links
-        rows = connectivity_rows(layout, pairs, required.range, slack, reach, facets, links=links, first=first)
+        rows = connectivity_rows(layout, pairs, required.range, slack, reach, facets, fleet=fleet, first=window.first)
         _add_elastic(found, rows, settings.penalty)
 
 

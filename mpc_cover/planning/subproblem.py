@@ -106,8 +106,9 @@ def pair_rows(
     if np.isfinite(fleet.communication_range):
         facets = inscribed(layout.dimension, settings.edge_sides)
         slack = 0.5 * float(between.max())
-        first, links = window.first, fleet.links
-        blocks.append(connectivity_rows(layout, pairs, required.range, slack, reach, facets, links=links, first=first))
+        blocks.append(
+            connectivity_rows(layout, pairs, required.range, slack, reach, facets, fleet=fleet, first=window.first)
+        )
     return blocks
 
 
@@ -123,7 +124,7 @@ def build_subproblem(
     terms = coverage_terms(layout, position, majoriser, radius)
     box = (window.fleet.motion_min, window.fleet.motion_max)
     hard = motion_rows(window, settings, layout, velocity)
-    hard += bound_rows(layout, position, box, radius, window.ends)
+    hard += bound_rows(layout, position, box, radius, window.ends, window.fleet.lost)
     elastic = pair_rows(window, settings, required, layout, (position, velocity), radius)
     soft, slacks = _number_slacks([terms.rows, *elastic], layout.size)
     matrix, lower, upper = stack([*hard, *soft, _non_negative(layout.size, slacks)], layout.size + slacks)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.graph import bottleneck, minimum_spanning_trees
-from mpc_cover.constraints.pairs import linked_pairs, pair_distances
+from mpc_cover.constraints.graph import bottleneck, fleet_trees
+from mpc_cover.constraints.pairs import pair_distances
 from mpc_cover.model.motion import roll_out
 
 if TYPE_CHECKING:
@@ -80,6 +80,7 @@ class Window:
         ends, size = self.ends, self.fleet.start.size
         start = x[:size].reshape(self.fleet.start.shape) if ends.start_position is None else ends.start_position
         velocity = x[size:].reshape(self.steps + 1, *self.fleet.start.shape).copy()
+        velocity[:, self.fleet.lost] = 0.0
         if ends.start_velocity is not None:
             velocity[0] = ends.start_velocity
         if ends.closed:
@@ -89,7 +90,8 @@ class Window:
         target = start if ends.closed else ends.end_position
         if target is not None and self.steps > 1:
             position, _ = self.motion(self.decision(start, velocity))
-            velocity[1:-1] += (target - position[-1]) / (self.period * (self.steps - 1))
+            moving = list(self.fleet.active)
+            velocity[1:-1, moving] += (target - position[-1])[moving] / (self.period * (self.steps - 1))
         return self.decision(start, velocity)
 
 
@@ -132,7 +134,5 @@ def requirements(window: Window, margins: Margins) -> Requirements:
         still = np.repeat(given[None], 2, axis=0)
         here = pair_distances(still, np.zeros_like(still), window.period).sampled[:1]
         separation = np.maximum(fleet.separation_min, np.minimum(separation, here[0]))
-        held = minimum_spanning_trees(here, fleet.size)
-        held[:, linked_pairs(fleet.size, fleet.links)] = True
-        allowed = min(reach, max(allowed, float(bottleneck(here, held)[0])))
+        allowed = min(reach, max(allowed, float(bottleneck(here, fleet_trees(here, fleet))[0])))
     return Requirements(separation, allowed)

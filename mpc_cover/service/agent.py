@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import uuid
-from collections import Counter
+from collections import Counter, deque
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mpc_cover.service import bus
+from mpc_cover.service.body import body_of
 from mpc_cover.service.decoding import Reason, RejectedError, decode_plan
 from mpc_cover.service.events import EventLog
 from mpc_cover.service.fingerprint import mission_hash
-from mpc_cover.service.flight import SNAP_S, Flight, Plant, Schedule, flight_of, predict
+from mpc_cover.service.flight import SNAP_S, Flight, Schedule, flight_of, predict
 from mpc_cover.service.keys import Keys
 from mpc_cover.service.messages import State, encode
 from mpc_cover.service.plan_filter import Authority, check_content, check_start, check_time, limits_of
@@ -40,6 +39,7 @@ class Agent:
     transport, clock : handed in; time stamps are of this clock.
     instance : names this life of the agent; plans for another are refused.
     speed : how many seconds of `clock` pass in one of the machine's.
+    seed : with the agent's number, of what disturbs it.
     recorder : told the exact motion, piece by piece.
     say : told events in words.
     """
@@ -53,6 +53,7 @@ class Agent:
         *,
         instance: str | None = None,
         speed: float = 1.0,
+        seed: int = 0,
         recorder: Recorder | None = None,
         say: Callable[[str], None] | None = None,
     ) -> None:
@@ -69,11 +70,12 @@ class Agent:
         self._limits = limits_of(mission, index)
         self._state_period = mission.spec.control.state_period_s
         self._authority = Authority()
-        start = mission.fleet.start[index].copy()
-        log = recorder.piece if recorder else None
-        self.plant = Plant(clock.now(), start, np.zeros_like(start), log)
+        self.body = body_of(mission, index, clock.now(), seed, recorder.piece if recorder else None)
+        self.plant = self.body.nominal
         self.schedule = Schedule(self._limits.input_max)
         self._report_index = math.ceil(clock.now() / self._state_period)
+        self._delay_s = mission.spec.disturbance.delay_s
+        self._outbox: deque[tuple[float, bytes]] = deque()
         self._seq = 0
         keys = Keys(mission.spec.name)
         self._plans = transport.inbox(keys.plan(agent_id), PLAN_DEPTH, history=1)
@@ -86,32 +88,36 @@ class Agent:
         """Show presence and report for the first time."""
         self._transport.announce(self._alive_key)
         self._report()
+        self._post(self._clock.now())
 
     @property
     def next_time(self) -> float:
-        """When the next tick is due, on a grid of the agent's own clock [s]."""
-        return self._report_index * self._state_period
+        """When the next tick is due, on a grid of the agent's own clock [s]; or when a delayed report is."""
+        report_s = self._report_index * self._state_period
+        return min(report_s, self._outbox[0][0]) if self._outbox else report_s
 
     @property
     def at_rest(self) -> bool:
-        """Whether it stands still with nothing left to fly."""
-        return self.schedule.rests(self.plant.time_s, self.plant.velocity)
+        """Whether it stands still, as far as it can, with nothing left to fly."""
+        return self.schedule.rests(self.plant.time_s, self.plant.velocity) and self.body.on_track
 
     def tick(self) -> None:
         """Move to now, look at the plans that came, report."""
         now = self._clock.now()
-        self.plant.advance(now, self.schedule)
-        for item in self._plans.drain():
-            self._receive(item, now)
-        self.schedule.switch(now)
-        self._report()
-        self._report_index = max(self._report_index + 1, math.floor((now + SNAP_S) / self._state_period) + 1)
+        if not self._delay_s or now >= self._report_index * self._state_period - SNAP_S:
+            self.body.advance(now, self.schedule)
+            for item in self._plans.drain():
+                self._receive(item, now)
+            self.body.advance(now, self.schedule)
+            self._report()
+            self._report_index = max(self._report_index + 1, math.floor((now + SNAP_S) / self._state_period) + 1)
+        self._post(now)
 
     def shutdown(self) -> None:
         """Close the record; the transport is the caller's."""
-        self.plant.advance(self._clock.now(), self.schedule)
+        self.body.advance(self._clock.now(), self.schedule)
         if self._recorder:
-            self._recorder.close(self.plant.time_s, self.plant.position, self.plant.velocity)
+            self._recorder.close(self.plant.time_s, *self.body.truth)
 
     def _receive(self, item: Received, now: float) -> None:
         try:
@@ -144,7 +150,9 @@ class Agent:
             self.schedule.flown,
             tuple(q for q in self.schedule.queue if q.start_s < flight.start_s - SNAP_S),
         )
-        check_start(flight.state_at(meeting), predict(self.plant, others, meeting))
+        planned = flight.state_at(meeting)
+        if not self.body.can_reach(*planned, meeting):
+            check_start(planned, predict(self.plant, others, meeting))
         self.schedule.add(flight)
 
     def _reject(self, error: RejectedError) -> None:
@@ -153,22 +161,32 @@ class Agent:
             self.events.tell(error.reason.name.lower(), f"ignores a plan: {error}")
 
     def _report(self) -> None:
-        plant, schedule = self.plant, self.schedule
+        plant, schedule, reference = self.plant, self.schedule, self.body.reference
+        position, velocity = self.body.measured
         state = State(
             agent=self.id,
             instance=self.instance,
             seq=self._seq,
             time_s=plant.time_s,
-            position=plant.position.tolist(),
-            velocity=plant.velocity.tolist(),
+            position=position.tolist(),
+            velocity=velocity.tolist(),
             plan=_ref(schedule.flying(plant.time_s)),
             next_plan=_ref(schedule.queue[0] if schedule.queue else None),
             at_rest=self.at_rest,
             speed=self._speed,
             mission=self._mission,
+            reference_position=reference[0].tolist() if reference else None,
+            reference_velocity=reference[1].tolist() if reference else None,
         )
         self._seq += 1
-        self._states.publish(encode(state))
+        if self._recorder:
+            self._recorder.mark(plant.time_s, *self.body.truth)
+        self._outbox.append((plant.time_s + self._delay_s, encode(state)))
+
+    def _post(self, now: float) -> None:
+        """Send the reports whose delay is over."""
+        while self._outbox and self._outbox[0][0] <= now + SNAP_S:
+            self._states.publish(self._outbox.popleft()[1])
 
 
 def _ref(flight: Flight | None) -> PlanRef | None:

@@ -28,9 +28,8 @@ if TYPE_CHECKING:
     from mpc_cover.service.messages import PlanRef
 
     Log = Callable[[float, FloatArray, FloatArray, FloatArray, PlanRef | None], None]
-
-MotionState = tuple["FloatArray", "FloatArray"]
-"""Position and velocity, (d,) [m], [m/s]."""
+    MotionState = tuple[FloatArray, FloatArray]
+    """Position and velocity, (d,) [m], [m/s]."""
 
 
 class Body(Protocol):

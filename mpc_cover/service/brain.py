@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from enum import Enum
 
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.information.coverage_map import CoverageMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
@@ -57,6 +57,24 @@ class Brain(Protocol):
         self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
     ) -> StepOutcome:
         """Return a plan from this (m, d) state at `start_time`."""
+        ...
+
+
+@runtime_checkable
+class SharesWork(Protocol):
+    """A brain that can do without some agents."""
+
+    def set_lost(self, lost: BoolArray) -> None:
+        """Plan without those marked (m,): from now on their rows of a state say where they come to rest."""
+        ...
+
+
+@runtime_checkable
+class LimitsSpeed(Protocol):
+    """A brain that can plan for an agent that is slower than its mission says."""
+
+    def limit_speed(self, index: int, part: float) -> None:
+        """Ask agent number `index` for this part of its speed limit at most."""
         ...
 
 

@@ -35,12 +35,21 @@ class _Header(msgspec.Struct, frozen=True):
     shape: tuple[int, int]
     origins: dict[str, float]
     schema: int = 1
+    lost: dict[str, list[float]] = {}
 
 
 def pack(snapshot: Snapshot, mission: str, generation: int) -> bytes:
     """Return the bytes of a checkpoint: a checksum, a header, the times."""
     rows, columns = snapshot.first.shape
-    header = _Header(mission, generation, snapshot.mission_time_s, snapshot.finished, (rows, columns), snapshot.origins)
+    header = _Header(
+        mission,
+        generation,
+        snapshot.mission_time_s,
+        snapshot.finished,
+        (rows, columns),
+        snapshot.origins,
+        lost=snapshot.lost,
+    )
     body = msgspec.json.encode(header) + b"\n" + snapshot.first.astype("<f8").tobytes()
     return hashlib.sha256(body).hexdigest().encode() + b"\n" + body
 
@@ -56,7 +65,8 @@ def unpack(data: bytes) -> tuple[str, int, Snapshot] | None:
         first = np.frombuffer(times, dtype="<f8").astype(float).reshape(header.shape)
     except (msgspec.MsgspecError, ValueError):
         return None  # written by something else
-    return header.mission, header.generation, Snapshot(header.mission_time_s, first, header.finished, header.origins)
+    snapshot = Snapshot(header.mission_time_s, first, header.finished, header.origins, header.lost)
+    return header.mission, header.generation, snapshot
 
 
 class FileJournal:

@@ -106,7 +106,10 @@ def decode_state(payload: bytes, dimension: int) -> State:
     """
     state = _decode(State, payload)
     _require_finite((state.time_s, state.speed))
-    _require_shape((state.position, state.velocity), dimension)
+    reference = [row for row in (state.reference_position, state.reference_velocity) if row is not None]
+    if len(reference) == 1:
+        raise RejectedError(Reason.SHAPE, "a reference has a position and a velocity")
+    _require_shape((state.position, state.velocity, *reference), dimension)
     return state
 
 

@@ -1,4 +1,4 @@
-"""Plans on their way: cut for each agent, sent in its own clock, and remembered to predict where it will be."""
+"""Plans on their way: cut for each agent, sent in its own clock, and remembered as long as it may fly them."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mpc_cover.service import bus
-from mpc_cover.service.flight import Flight, Plant, Schedule, flight_of, predict
+from mpc_cover.service.flight import Flight, Schedule, flight_of
 from mpc_cover.service.keys import Keys
 from mpc_cover.service.messages import PlanMessage, PlanRef, encode
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
+    from collections.abc import Container
+
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
     from mpc_cover.service.bus import Transport
@@ -49,17 +48,21 @@ class Dispatch:
         self._sent: list[deque[Sent]] = [deque(maxlen=REMEMBERED) for _ in mission.fleet.ids]
         self._seq = 0
 
-    def send(self, plan: Plan, links: list[AgentLink], origin_s: float, now_s: float) -> None:
+    def send(
+        self, plan: Plan, links: list[AgentLink], origin_s: float, now_s: float, without: Container[int] = ()
+    ) -> None:
         """Send each agent its part of a plan; mission time 0 is at `origin_s` of the controller's clock."""
         for index, link in enumerate(links):
+            if index in without:
+                continue
             message = self._cut(plan, index, link, origin_s)
             self._sent[index].append(Sent(flight_of(message), now_s))
             self._publishers[index].publish(encode(message))
         self._seq += 1
 
-    def forget(self) -> None:
-        """Start afresh: everyone is at rest."""
-        for sent in self._sent:
+    def forget(self, index: int | None = None) -> None:
+        """Start afresh: everyone is at rest, or agent number `index` is."""
+        for sent in self._sent if index is None else [self._sent[index]]:
             sent.clear()
 
     def schedule(self, index: int, link: AgentLink) -> Schedule:
@@ -74,36 +77,19 @@ class Dispatch:
         schedule = Schedule(float(self._input_max[index]), self._find(index, link.state.plan))
         if queued := self._find(index, link.state.next_plan):
             schedule.add(queued)
-        newest = self._sent[index][-1] if self._sent[index] else None
-        reported = (link.state.plan, link.state.next_plan)
-        # agents look at their mail once a state period: a plan this young cannot have been reported yet
-        young = newest is not None and link.measured_s() <= newest.sent_s + self._state_period
-        if newest and young and newest.flight.ref not in reported:
-            schedule.add(newest.flight)
+        for flight in self._unreported(index, link, {link.state.plan, link.state.next_plan}):
+            schedule.add(flight)
         return schedule
 
-    def predict(self, links: list[AgentLink], time_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return where all will be at `time_s` of the controller's clock: (m, d) [m], [m/s].
-
-        Raises
-        ------
-        UnknownPlanError
-            See `schedule`.
-        """
-        states = []
-        for index, link in enumerate(links):
-            assert link.state is not None
-            plant = Plant(link.state.time_s, np.array(link.state.position), np.array(link.state.velocity))
-            states.append(predict(plant, self.schedule(index, link), time_s - link.offset))
-        return np.array([q for q, _ in states]), np.array([v for _, v in states])
-
-    def settled(self, links: list[AgentLink]) -> bool:
-        """Return whether nobody moves, nor will by any plan that was sent."""
-        return all(
-            link.state is not None
-            and self.schedule(index, link).rests(link.state.time_s, np.array(link.state.velocity))
-            for index, link in enumerate(links)
-        )
+    def _unreported(self, index: int, link: AgentLink, reported: set[PlanRef | None]) -> list[Flight]:
+        """Return the plans sent since: agents look at their mail once a state period, so they may well have them."""
+        since: list[Flight] = []
+        for sent in self._sent[index]:
+            if sent.flight.ref in reported:
+                since = []
+            elif link.measured_s() <= sent.sent_s + self._state_period:
+                since.append(sent.flight)
+        return since
 
     def _find(self, index: int, ref: PlanRef | None) -> Flight | None:
         if ref is None:

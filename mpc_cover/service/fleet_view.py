@@ -31,13 +31,16 @@ class AgentLink:
     """What is known of one agent.
 
     The offset (controller's clock minus agent's) is the smallest of (received - sent) so far: the message
-    that was delayed least. It is frozen while a mission is flown, so that the plans' samples stay on one
-    grid of the agent's clock.
+    that was delayed least, and no less than `delay_s`. It is frozen while a mission is flown, so that the plans'
+    samples stay on one grid of the agent's clock. `before` is the state before the newest.
     """
 
     id: str
     speed_max: float
+    noise_m: float = 0.0
+    delay_s: float = 0.0
     state: State | None = None
+    before: State | None = None
     _smallest: float = np.inf
     _frozen: float | None = None
     retired: set[str] = field(default_factory=set)
@@ -64,13 +67,30 @@ class AgentLink:
             self._begin(state)
         else:
             self._check(state)
-        self.state = state
-        self._smallest = min(self._smallest, received_s - state.time_s)
+        self.before, self.state = None if reborn else self.state, state
+        self._smallest = min(self._smallest, received_s - state.time_s - self.delay_s)
         return reborn
 
     def measured_s(self) -> float:
         """When the newest state was measured, in the controller's clock [s]; -inf before the first."""
         return self.state.time_s + self.offset if self.state else -np.inf
+
+    def silent_s(self, now_s: float) -> float:
+        """Return for how long nothing was heard that should have been [s]; inf before the first."""
+        return now_s - self.measured_s() - self.delay_s
+
+    def planned(self) -> tuple[FloatArray, FloatArray]:
+        """Return where its plans have it, (d,) [m], [m/s]: measured, unless it tells that it tracks a reference."""
+        assert self.state is not None
+        position, velocity = self.state.reference_position, self.state.reference_velocity
+        if position is None or velocity is None:
+            return self.measured()
+        return np.array(position), np.array(velocity)
+
+    def measured(self) -> tuple[FloatArray, FloatArray]:
+        """Return where it measured that it is, (d,) [m], [m/s]."""
+        assert self.state is not None
+        return np.array(self.state.position), np.array(self.state.velocity)
 
     def _begin(self, state: State) -> None:
         if state.instance in self.retired:
@@ -85,7 +105,7 @@ class AgentLink:
         if state.seq <= last.seq or state.time_s < last.time_s:
             raise RejectedError(Reason.OLD, f"state {state.seq} of {self.id} after {last.seq}")
         jump = float(np.linalg.norm(np.subtract(state.position, last.position)))
-        if jump > self.speed_max * (state.time_s - last.time_s) + JUMP_M:
+        if jump > self.speed_max * (state.time_s - last.time_s) + JUMP_M + 2.0 * self.noise_m:
             raise RejectedError(Reason.IMPLAUSIBLE, f"{self.id} moved {jump:.3g} m in no time")
 
 
@@ -97,7 +117,11 @@ class FleetView:
 
     def __init__(self, mission: Mission, transport: Transport, speed: float = 1.0, *, history: int = 0) -> None:
         fleet, keys = mission.fleet, Keys(mission.spec.name)
-        self.links = [AgentLink(name, float(v)) for name, v in zip(fleet.ids, fleet.speed_max, strict=True)]
+        given = mission.spec.disturbance
+        self.links = [
+            AgentLink(name, float(speed), given.position_noise_m, given.delay_s)
+            for name, speed in zip(fleet.ids, fleet.speed_max, strict=True)
+        ]
         self.rejected: Counter[Reason] = Counter()
         self.reborn: list[str] = []
         self._index = {name: index for index, name in enumerate(fleet.ids)}
@@ -149,21 +173,22 @@ class FleetView:
     def late(self, now_s: float, than_s: float | None = None) -> list[str]:
         """Return the ids whose newest state is older than three state periods, or than `than_s`."""
         limit = LATE_PERIODS * self._state_period if than_s is None else than_s
-        return [link.id for link in self.links if now_s - link.measured_s() > limit]
+        return [link.id for link in self.links if link.silent_s(now_s) > limit]
 
-    def awaited(self, now_s: float, patience_s: float) -> list[str]:
-        """Return what is still missing before all are here, heard just now, and at rest."""
+    def awaited(self, now_s: float, patience_s: float) -> dict[str, str]:
+        """Return, by id, what is still missing before each is here, heard just now, and at rest."""
         present, late = set(self.present()), set(self.late(now_s, patience_s))
-        missing = []
+        missing = {}
         for link in self.links:
             if link.state is None or link.id not in present or link.id in late:
-                missing.append(f"{link.id} is not here")
+                missing[link.id] = f"{link.id} is not here"
             elif link.state.mission != self._mission:
-                missing.append(f"{link.id} has another version of this mission")
+                missing[link.id] = f"{link.id} has another version of this mission"
             elif link.state.speed != self._speed:
-                missing.append(f"{link.id} runs at --speed {link.state.speed:g}, this controller at {self._speed:g}")
+                own = f"this controller at {self._speed:g}"
+                missing[link.id] = f"{link.id} runs at --speed {link.state.speed:g}, {own}"
             elif not link.state.at_rest:
-                missing.append(f"{link.id} still moves")
+                missing[link.id] = f"{link.id} still moves"
         return missing
 
     def moving(self, now_s: float) -> list[str]:
@@ -180,8 +205,3 @@ class FleetView:
         """Keep the clock offsets, as the best known so far, for the flight to come."""
         for link in self.links:
             link.freeze()
-
-    def state(self) -> tuple[FloatArray, FloatArray]:
-        """Return the newest measured positions and velocities, (m, d) [m], [m/s]; all must have been heard."""
-        states = [link.state for link in self.links if link.state]
-        return np.array([s.position for s in states]), np.array([s.velocity for s in states])

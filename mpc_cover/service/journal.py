@@ -19,12 +19,14 @@ class Snapshot:
     first : (J, K) [s], when each magnitude was first measured on each cell; inf where never.
     finished : whether it is over.
     origins : for each agent's instance, where mission time 0 lies on its clock [s]; empty while nobody flies.
+    lost : where agents rest that were lost, (d,) [m], by id.
     """
 
     mission_time_s: float
     first: FloatArray
     finished: bool = False
     origins: dict[str, float] = field(default_factory=dict)
+    lost: dict[str, list[float]] = field(default_factory=dict)
 
 
 class Journal(Protocol):

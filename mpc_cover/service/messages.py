@@ -49,7 +49,8 @@ class State(Message, frozen=True, kw_only=True):
 
     `position` and `velocity` are (d,) [m], [m/s]. `plan` is the plan being flown, `next_plan` the one that
     it will switch to; `at_rest` says that it stands still and has nothing left to fly. `speed` is how many
-    seconds of its clock pass in a second, `mission` the fingerprint of the mission that it knows.
+    seconds of its clock pass in a second, `mission` the fingerprint of the mission that it knows. A disturbed
+    agent tells the state that its plans give, too: `reference_position` and `reference_velocity`.
     """
 
     agent: Id
@@ -63,6 +64,8 @@ class State(Message, frozen=True, kw_only=True):
     at_rest: bool = False
     speed: float = 1.0
     mission: Id = "unknown"
+    reference_position: Vector | None = None
+    reference_velocity: Vector | None = None
 
 
 class PlanMessage(Message, frozen=True, kw_only=True):
@@ -109,6 +112,7 @@ class Status(Message, frozen=True, kw_only=True):
     rejected: Count = 0
     callback_errors: Count = 0
     present: list[Id] = []
+    lost: list[Id] = []
     text: Text = ""
 
 

@@ -1,7 +1,9 @@
 """An agent's own record of its exact motion, written as it happens.
 
 One JSON value a line: a header, then the pieces of the motion, each with the input that is held until the
-next piece begins. A line that a kill tore off is the last one, and is dropped when reading.
+next piece begins. At each report the state reached is marked by a piece that holds no input: the next one begins
+at the same instant and takes its place, unless there is none. A line that a kill tore off is the last one, and is
+dropped when reading.
 """
 
 from __future__ import annotations
@@ -50,6 +52,10 @@ class Recorder(Protocol):
         """Note a piece."""
         ...
 
+    def mark(self, time_s: float, position: FloatArray, velocity: FloatArray) -> None:
+        """Note the state reached; should it be the last one known, the record ends there."""
+        ...
+
     def close(self, time_s: float, position: FloatArray, velocity: FloatArray) -> None:
         """Note the last state."""
         ...
@@ -67,9 +73,11 @@ class MemoryRecorder:
         """Note a piece."""
         self.pieces.append(Piece(time_s, position.tolist(), velocity.tolist(), force.tolist(), plan))
 
-    def close(self, time_s: float, position: FloatArray, velocity: FloatArray) -> None:
-        """Note the last state."""
+    def mark(self, time_s: float, position: FloatArray, velocity: FloatArray) -> None:
+        """Note the state reached."""
         self.piece(time_s, position, velocity, np.zeros_like(velocity), None)
+
+    close = mark
 
 
 class FileRecorder:
@@ -93,9 +101,13 @@ class FileRecorder:
         """Write a piece."""
         self._write(Piece(time_s, position.tolist(), velocity.tolist(), force.tolist(), plan))
 
+    def mark(self, time_s: float, position: FloatArray, velocity: FloatArray) -> None:
+        """Write the state reached."""
+        self.piece(time_s, position, velocity, np.zeros_like(velocity), None)
+
     def close(self, time_s: float, position: FloatArray, velocity: FloatArray) -> None:
         """Write the last state and close the file."""
-        self.piece(time_s, position, velocity, np.zeros_like(velocity), None)
+        self.mark(time_s, position, velocity)
         if self._file is not None:
             self._file.close()
             self._file = None

@@ -46,9 +46,9 @@ class Survey:
         for measured_s, position in rounds:
             self._coverage.observe(self._timeline.at(measured_s), position)
 
-    def snapshot(self, *, finished: bool) -> Snapshot:
-        """Return how far the mission is."""
-        return Snapshot(self._timeline.now(), self._coverage.first, finished, self._agent_origins())
+    def snapshot(self, lost: dict[str, list[float]], *, finished: bool) -> Snapshot:
+        """Return how far the mission is; `lost` says where who is lost rests."""
+        return Snapshot(self._timeline.now(), self._coverage.first, finished, self._agent_origins(), lost)
 
     def _find_origin(self) -> None:
         """Let mission time run on as it did under the controller before."""

@@ -22,7 +22,17 @@ CONNECT_S = 10.0
 
 
 class Crew(Protocol):
-    """Yields records as runs are finished, in any order."""
+    """Yields records as runs are finished, in any order; entered before, left after."""
+
+    def __enter__(self) -> Self:
+        """Get ready."""
+        ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Let go."""
+        ...
 
     def fly(self, runs: Sequence[Run], fly: Fly) -> Iterator[Record]:
         """Fly the runs by calling `fly` on each somewhere."""
@@ -34,6 +44,15 @@ class LocalCrew:
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
+
+    def __enter__(self) -> Self:
+        """Nothing to get ready: processes start with the first runs."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Nothing to let go: they end with the last."""
 
     def fly(self, runs: Sequence[Run], fly: Fly) -> Iterator[Record]:
         """Fly the runs.
@@ -69,24 +88,36 @@ def _undisturbed(fly: Fly, run: Run) -> Record:
 
 
 class DaskCrew:
-    """An existing Dask cluster, on whose workers mpc-cover is installed.
-
-    Raises
-    ------
-    UserError
-        Dask is not installed, or there is no scheduler at the address.
-    """
+    """An existing Dask cluster, on whose workers mpc-cover is installed."""
 
     def __init__(self, address: str, timeout_s: float = CONNECT_S) -> None:
+        self._address, self._timeout_s = address, timeout_s
+        self._client: Any = None
+
+    def __enter__(self) -> Self:
+        """Connect.
+
+        Raises
+        ------
+        UserError
+            Dask is not installed, or there is no scheduler at the address.
+        """
         try:
             import distributed  # noqa: PLC0415 - an extra
         except ImportError:
             raise UserError("--dask: Dask is not installed: pip install 'mpc-cover[dask]'") from None
         try:
-            self._client: Any = distributed.Client(address, timeout=timeout_s, set_as_default=False)
+            self._client = distributed.Client(self._address, timeout=self._timeout_s, set_as_default=False)
         except (OSError, ValueError, TimeoutError, TypeError) as error:
             said = " ".join(str(error).split())
-            raise UserError(f"--dask {address}: no Dask scheduler answers there: {said}") from None
+            raise UserError(f"--dask {self._address}: no Dask scheduler answers there: {said}") from None
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Disconnect; the cluster stays as it is."""
+        self._client.close()
 
     def fly(self, runs: Sequence[Run], fly: Fly) -> Iterator[Record]:
         """Fly the runs; one that the cluster loses comes back as one that broke off."""
@@ -99,13 +130,3 @@ class DaskCrew:
                 yield future.result() if error is None else failed(run, error)
         finally:
             self._client.cancel(list(waiting))
-
-    def __enter__(self) -> Self:
-        """Go on with a cluster that answered."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Leave the cluster as it is."""
-        self._client.close()

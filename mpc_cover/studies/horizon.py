@@ -15,7 +15,6 @@ from mpc_cover.studies.tally import group
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from contextlib import AbstractContextManager
     from pathlib import Path
 
     from rich.console import Console
@@ -70,7 +69,7 @@ class StudyResult:
 def run_study(
     grid: Grid,
     out: Path,
-    crew: AbstractContextManager[Crew],
+    crew: Crew,
     console: Console,
     *,
     command: str,

@@ -68,7 +68,7 @@ def verify_motion(
     ]
     if fleet.size > 1 and fleet.separation_min > 0.0:
         checks.append(_check_separation(path, fleet, tolerance))
-    if fleet.size > 1 and np.isfinite(fleet.communication_range):
+    if len(fleet.active) > 1 and np.isfinite(fleet.communication_range):
         checks.append(_check_connectivity(path, fleet, tolerance))
     if fleet.links:
         checks.append(check_links(path, fleet, tolerance))
@@ -88,11 +88,15 @@ def _check_separation(path: Path, fleet: Fleet, tolerance: float) -> Check:
 
 
 def _check_connectivity(path: Path, fleet: Fleet, tolerance: float) -> Check:
-    """Check that edges of at most rho_C connect the fleet at every instant (4.20)."""
+    """Check that edges of at most rho_C connect those who take part at every instant (4.20)."""
+    part = list(fleet.active)
+    if fleet.lost:
+        path = Path(path.time, path.position[:, part], path.velocity[:, part], path.force[:, part])
     widest = widest_bottleneck(path, limit=fleet.communication_range, resolution=0.5 * tolerance)
     assert widest is not None, "asked for with two agents at least"
     margin = fleet.communication_range - widest.value
-    return Check("connectivity", margin >= -tolerance, margin, "m", describe(widest, fleet.ids))
+    ids = tuple(fleet.ids[i] for i in part)
+    return Check("connectivity", margin >= -tolerance, margin, "m", describe(widest, ids))
 
 
 def describe(distance: Distance, ids: tuple[str, ...]) -> str:
@@ -130,7 +134,7 @@ def _nothing_else_looked_at(fleet: Fleet, wrong: str, *, at_rest: bool, start: b
         "input": "m/s^2",
         "box": "m",
         **({"separation": "m"} if fleet.size > 1 and fleet.separation_min > 0.0 else {}),
-        **({"connectivity": "m"} if fleet.size > 1 and np.isfinite(fleet.communication_range) else {}),
+        **({"connectivity": "m"} if len(fleet.active) > 1 and np.isfinite(fleet.communication_range) else {}),
         **({"links kept": "m"} if fleet.links else {}),
         **({"rest at the end": "m/s"} if at_rest else {}),
         **({"start position": "m", "start velocity": "m/s"} if start else {}),

@@ -73,7 +73,7 @@ def print_benchmark(rows: Sequence[Row], title: str, console: Console) -> None:
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("peer", no_wrap=True)
     for header, unit in _HEADERS:
-        table.add_column(f"{header}\n{unit}", justify="right", no_wrap=True)
+        table.add_column(Text(f"{header}\n{unit}"), justify="right", no_wrap=True)
     for row in rows:
         violation = _number(row.violation_path, "{:.1g}") if row.violation_path else "0"
         table.add_row(
@@ -126,15 +126,14 @@ def draw_history(curves: Sequence[Curve], title: str, file: Path) -> Path:
     """Draw J over time, both logarithmic, and write it as PNG; what has reached 0 lies on the bottom line."""
     from mpc_cover.view.style import agent_style, house_style, new_figure, save_figure  # noqa: PLC0415 - matplotlib
 
-    times = [time for curve in curves for time in (*curve.time_s, curve.end_s) if time > 0.0]
     costs = [cost for curve in curves for cost in curve.cost_m if cost > 0.0]
-    first, floor = 0.5 * min(times, default=1e-2), 0.3 * min(costs, default=1e-3)
+    floor = 0.3 * min(costs, default=1e-3)
     with house_style():
         figure = new_figure(8.6, 5.2)
         axes = figure.add_subplot()
         for index, curve in enumerate(curves):
             colour, line = agent_style(index)
-            shown = [max(time, first) for time in curve.time_s]
+            shown = [max(time, _FIRST_S) for time in curve.time_s]
             heights = [max(cost, floor) for cost in curve.cost_m]
             end = max(curve.end_s, shown[-1])
             axes.step([*shown, end], [*heights, heights[-1]], where="post", color=colour, linestyle=line)
@@ -150,6 +149,8 @@ def draw_history(curves: Sequence[Curve], title: str, file: Path) -> Path:
         return save_figure(figure, file)
 
 
+_FIRST_S = 0.01
+"""Where the axis of time begins; the guess is there at once."""
 _OFFSET: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9.0, "color": "#767676"}
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from flights import fleet_of
 from hypothesis import given
 from hypothesis import strategies as st
-from motions import PERIOD, random_motion
+from motions import PERIOD, random_motion, replace
 from scipy.sparse.csgraph import minimum_spanning_tree
 
 from mpc_cover.constraints.collision import collision_rows
 from mpc_cover.constraints.connectivity import connectivity_rows
 from mpc_cover.constraints.facets import inscribed
-from mpc_cover.constraints.graph import bottleneck, minimum_spanning_trees
+from mpc_cover.constraints.graph import bottleneck, fleet_trees, minimum_spanning_trees
 from mpc_cover.constraints.pairs import all_pairs, linked_pairs, pair_distances
 from mpc_cover.constraints.rows import Layout, stack
 
@@ -75,7 +76,9 @@ def test_the_iterate_satisfies_its_own_rows_whenever_it_satisfies_the_constraint
     layout, pairs = Layout(5, agents, dimension), pair_distances(*bar, PERIOD)
     x = np.concatenate([bar[0].ravel(), bar[1].ravel()])
     longest = bottleneck(pairs.most, minimum_spanning_trees(pairs.most, agents)).max()
-    rows = connectivity_rows(layout, pairs, longest + 1e-9, 0.1, 100.0, inscribed(dimension, 16))
+    rows = connectivity_rows(
+        layout, pairs, longest + 1e-9, 0.1, 100.0, inscribed(dimension, 16), fleet=fleet_of(bar[0][0])
+    )
     matrix, _, upper = stack([rows], layout.size)
     assert (matrix @ x <= upper + 1e-9).all()
 
@@ -86,7 +89,7 @@ def test_motions_that_satisfy_the_connectivity_rows_are_connected_at_the_samples
     bar = random_motion(rng, 4, agents)
     layout, pairs = Layout(4, agents, 2), pair_distances(*bar, PERIOD)
     allowed = float(bottleneck(pairs.most, minimum_spanning_trees(pairs.most, agents)).max()) + 0.2
-    rows = connectivity_rows(layout, pairs, allowed, 0.0, 100.0, inscribed(2, 16))
+    rows = connectivity_rows(layout, pairs, allowed, 0.0, 100.0, inscribed(2, 16), fleet=fleet_of(bar[0][0]))
     matrix, _, upper = stack([rows], layout.size)
     moved = bar[0] + rng.normal(scale=0.2, size=bar[0].shape)
     moved[0] = bar[0][0]
@@ -114,11 +117,18 @@ def test_links_are_kept_whatever_the_tree():
     still = np.repeat(np.array([[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]]), 2, axis=0)
     pairs, layout = pair_distances(still, np.zeros_like(still), PERIOD), Layout(1, 3, 2)
     facets = inscribed(2, 8)
-    without = connectivity_rows(layout, pairs, 2.5, 0.0, 0.1, facets)
-    linked = connectivity_rows(layout, pairs, 2.0, 0.0, 0.1, facets, links=((2, 0),))
+    fleet = fleet_of(still[0])
+    without = connectivity_rows(layout, pairs, 2.5, 0.0, 0.1, facets, fleet=fleet)
+    linked = connectivity_rows(layout, pairs, 2.0, 0.0, 0.1, facets, fleet=replace(fleet, links=((2, 0),)))
     assert without.count == 0
     assert linked.count > 0
     assert linked_pairs(3, ((2, 0), (0, 1))).tolist() == [0, 1]
+
+
+def test_the_tree_of_a_fleet_leaves_the_lost_out():
+    fleet = replace(fleet_of(np.zeros((3, 2))), lost=(1,))
+    tree = fleet_trees(np.array([[1.0, 5.0, 1.0]]), fleet)
+    assert tree.tolist() == [[False, True, False]]
 
 
 def test_ties_go_to_the_lower_pair():

@@ -9,8 +9,9 @@ import pytest
 
 from mpc_cover.control.fallback import Rung
 from mpc_cover.control.receding_horizon import RecedingHorizon
-from mpc_cover.errors import UserError
+from mpc_cover.errors import InvalidInputError, UserError
 from mpc_cover.mission.load import build_mission
+from mpc_cover.model.tube import tube_of
 from mpc_cover.planning.continuation import Refined
 from mpc_cover.planning.task import Candidate
 from mpc_cover.verification.motion import verify_motion
@@ -93,6 +94,77 @@ def test_small_disturbances_are_flown_out():
 def test_two_runs_are_the_same():
     runs = [fly(small_mission(), RecedingHorizon(small_mission()))[0] for _ in range(2)]
     assert np.array(runs[0]).tobytes() == np.array(runs[1]).tobytes()
+
+
+def test_a_lost_agent_becomes_an_obstacle_and_the_other_finishes():
+    mission = small_mission()
+    brain, plan = start_flying(mission)
+    lost = np.array([True, False])
+    resting = plan.position[4, 0]
+    position = plan.position[4].copy()
+    velocity = plan.velocity[4] * [[0.0], [1.0]]
+    for k in range(5):
+        brain.coverage.observe(k * PERIOD, plan.position[k])
+    brain.set_lost(lost)
+    fleet = brain._mission.fleet
+    for k in range(4, 120):
+        result = brain.step(position, velocity, k * PERIOD, deadline=None)
+        report = verify_motion(
+            fleet, result.plan.time(), result.plan.position, result.plan.velocity, result.plan.input, at_rest=True
+        )
+        assert report.holds, report.first_failure
+        assert np.abs(result.plan.position[:, 0] - resting).max() == 0.0
+        assert np.linalg.norm(result.plan.position[:, 1] - resting, axis=1).min() >= 0.5
+        for part in (0.5, 1.0):
+            seen = result.plan.state_at((k + part) * PERIOD)[0].copy()
+            seen[0] = np.nan
+            brain.coverage.observe((k + part) * PERIOD, seen)
+        position, velocity = result.plan.position[1], result.plan.velocity[1]
+        if brain.coverage.complete:
+            break
+    assert brain.coverage.complete
+
+
+def test_an_agent_that_comes_back_shares_the_work_again():
+    mission = small_mission()
+    brain, _ = start_flying(mission)
+    brain.set_lost(np.array([True, False]))
+    assert brain._mission.fleet.lost == (0,)
+    brain.set_lost(np.array([False, False]))
+    assert brain._mission.fleet.lost == ()
+    assert np.isfinite(brain._mission.fleet.radius).all()
+
+
+def test_a_slow_agent_is_planned_for_at_its_own_speed():
+    mission = small_mission()
+    brain, plan = start_flying(mission)
+    brain.limit_speed(0, 0.5)
+    result = brain.step(mission.fleet.start, np.zeros((2, 2)), 0.0, deadline=None)
+    speed = np.linalg.norm(result.plan.velocity, axis=2).max(axis=0)
+    assert speed[0] <= 0.75 + 1e-6
+    assert np.linalg.norm(plan.velocity, axis=2).max(axis=0)[0] > 0.75
+
+
+def disturbed(**disturbance):
+    raw = small_mission().spec.model_dump(by_alias=True, exclude_none=True)
+    return build_mission({**raw, "disturbance": disturbance}, "small")
+
+
+def test_bounds_are_tightened_by_the_tube():
+    mission = disturbed(position_noise_m=0.01, input_noise_m_per_s2=0.05)
+    brain = RecedingHorizon(mission)
+    tight, tube = brain._mission.fleet, tube_of(mission)
+    assert tube.position_m > 0.01
+    assert tight.separation_min == pytest.approx(0.5 + 2 * tube.position_m)
+    assert tight.communication_range == pytest.approx(3.0 - 2 * tube.position_m)
+    assert tight.input_max == pytest.approx(1.5 - tube.input_m_per_s2)
+    fly(mission, brain)
+    assert brain.coverage.complete
+
+
+def test_disturbances_that_leave_no_room_are_a_clear_error():
+    with pytest.raises(InvalidInputError, match="leaves no room"):
+        RecedingHorizon(disturbed(position_noise_m=0.24))
 
 
 class FailingEngine:

@@ -17,6 +17,7 @@ from mpc_cover.studies.case import asked_of_peers
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.coverage.majoriser import Softness
+    from mpc_cover.planning.window import Window
     from mpc_cover.studies.case import Case
 
 
@@ -27,27 +28,24 @@ class Condensed:
     """
 
     def __init__(self, case: Case) -> None:
-        self._case, self._window = case, case.window
-        self._required = asked_of_peers(case)
-        ends = case.window.ends
-        self._given = [state for state in (ends.start_position, ends.start_velocity) if state is not None]
-        whole = _linear_maps(case.window.steps, case.window.period)
-        size = case.window.fleet.start.size
-        to_q, to_v, to_u = (np.kron(matrix, np.eye(size)) for matrix in whole)
-        free = np.concatenate(
-            [np.repeat([ends.start_position is None, ends.start_velocity is None], size), np.ones(to_u.shape[0], bool)]
-        )
-        fixed = np.zeros(free.size)
-        fixed[~free] = np.concatenate([np.zeros(0), *(state.ravel() for state in self._given)])
-        self._to_q, self._to_v, self._to_u = to_q[:, free], to_v[:, free], to_u[:, free]
+        self._window, self._required = case.window, asked_of_peers(case)
+        ends, fleet = case.window.ends, case.window.fleet
+        self._shape = (case.window.steps + 1, *fleet.start.shape)
+        self._centre = 0.5 * (fleet.motion_min + fleet.motion_max)
+        self._room = 0.5 * (fleet.motion_max - fleet.motion_min)
+        each_coordinate = np.eye(fleet.start.size)
+        to_q, to_v, to_u = (np.asarray(np.kron(each, each_coordinate), float) for each in _linear_maps(case.window))
+        first = (ends.start_position, ends.start_velocity)
+        fixed = np.zeros(to_q.shape[1])
+        self._free = np.ones(to_q.shape[1], dtype=bool)
+        for number, state in enumerate(first):
+            if state is not None:
+                place = slice(number * state.size, (number + 1) * state.size)
+                fixed[place], self._free[place] = state.ravel(), False
+        self._to_q = to_q[:, self._free]
+        self._to_v = to_v[:, self._free]
+        self._to_u = to_u[:, self._free]
         self._q0, self._v0 = to_q @ fixed, to_v @ fixed
-        self._free = free
-        fleet = case.window.fleet
-        self._centre, self._room = (
-            0.5 * (fleet.motion_min + fleet.motion_max),
-            0.5 * (fleet.motion_max - fleet.motion_min),
-        )
-        self._shape = (case.window.steps + 1, *case.window.fleet.start.shape)
 
     def pack(self, x: FloatArray) -> FloatArray:
         """Return v of a decision vector of the window."""
@@ -81,7 +79,7 @@ class Condensed:
                 matrix.append(to[-size:])
                 right.append(target.ravel() - offset[-size:])
             if ends.closed:
-                matrix.append(np.asarray(to[-size:] - to[:size], dtype=float))
+                matrix.append(to[-size:] - to[:size])
                 right.append(offset[:size] - offset[-size:])
         return np.concatenate(matrix), np.concatenate(right)
 
@@ -142,12 +140,12 @@ class Condensed:
         return np.asarray(self._to_v @ v + self._v0).reshape(self._shape)
 
 
-def _linear_maps(steps: int, period: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _linear_maps(window: Window) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the maps of one coordinate's (q(0), v(0), u) to positions, velocities (N+1, .) and inputs (N, .)."""
+    steps, period = window.steps, window.period
     n, k = np.arange(steps + 1)[:, None], np.arange(steps)[None]
-    done = n > k
-    positions = np.hstack(
-        [np.ones((steps + 1, 1)), period * n, np.where(done, period**2 * (n - k - 0.5), 0.0)],
-    )
-    velocities = np.hstack([np.zeros((steps + 1, 1)), np.ones((steps + 1, 1)), np.where(done, period, 0.0)])
+    one, none = np.ones((steps + 1, 1)), np.zeros((steps + 1, 1))
+    since = np.where(n > k, n - k - 0.5, 0.0)
+    positions = np.hstack([one, period * n, period**2 * since])
+    velocities = np.hstack([none, one, np.where(n > k, period, 0.0)])
     return positions, velocities, np.hstack([np.zeros((steps, 2)), np.eye(steps)])

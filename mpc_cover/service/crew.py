@@ -1,0 +1,190 @@
+"""The agents as the brain is to think of them: on their plans, off them, slower than they should be, or lost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.service.brain import LimitsSpeed, SharesWork
+from mpc_cover.service.dispatch import UnknownPlanError
+from mpc_cover.service.pace import Pace
+from mpc_cover.service.roll_call import SILENT_PART, Fate, RollCall
+from mpc_cover.service.whereabouts import Whereabouts, resting
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.body import MotionState
+    from mpc_cover.service.brain import Brain
+    from mpc_cover.service.dispatch import Dispatch
+    from mpc_cover.service.fleet_view import FleetView
+
+
+class Crew:
+    """Judges the agents by their reports, and tells the brain what has changed.
+
+    A brain that cannot share out the work of the lost makes the fleet regroup instead: `call` says so.
+
+    Parameters
+    ----------
+    mission, fleet, dispatch, brain : who flies what, and who plans for them.
+    rests : where agents rest, (d,) [m], that an earlier controller had lost.
+    tell : told events, of a kind, in words.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        fleet: FleetView,
+        dispatch: Dispatch,
+        brain: Brain,
+        rests: Mapping[str, Sequence[float]],
+        tell: Callable[[str, str], None],
+    ) -> None:
+        control = mission.spec.control
+        self.fleet = fleet
+        self._ids = mission.fleet.ids
+        self._brain, self._dispatch, self._tell = brain, dispatch, tell
+        self._roll = RollCall(mission, fleet)
+        self._where = Whereabouts(mission, dispatch)
+        self._pace = Pace(mission)
+        self._horizon_s = control.horizon_steps * control.period_s
+        self._rests = {self._ids.index(name): np.array(place) for name, place in rests.items() if name in self._ids}
+        self._straying: set[int] = set()
+        if self._rests and isinstance(brain, SharesWork):
+            self._roll.lost = dict.fromkeys(self._rests, Fate.BRAKES)
+            self._share()
+
+    @property
+    def lost(self) -> list[str]:
+        """The names of those that the others do without."""
+        return self._roll.ids()
+
+    @property
+    def lost_indices(self) -> frozenset[int]:
+        """Their numbers."""
+        return frozenset(self._roll.lost)
+
+    def call(self, now_s: float, patience_s: float) -> str:
+        """See who is lost, back or slow; return why everyone should rather stop and wait, if so."""
+        if not isinstance(self._brain, SharesWork):
+            return self._who_is_missed(now_s)
+        back, gone = self._roll.back(now_s, patience_s), self._roll.gone(now_s)
+        if len(self._roll.lost) - len(back) + len(gone) == len(self._ids):
+            self._roll.lost = {}
+            self._share()
+            return "nobody is heard"
+        for index in back:
+            del self._roll.lost[index]
+            self._readmit(index)
+        for index, fate in gone.items():
+            self._roll.lost[index] = fate
+            self._bid_farewell(index)
+        if back or gone:
+            self._share()
+        self._learn_pace()
+        return ""
+
+    def missing(self, now_s: float, patience_s: float) -> list[str]:
+        """Return what is still missing before everyone who is not lost is here and at rest."""
+        awaited = self.fleet.awaited(now_s, patience_s)
+        return [text for name, text in awaited.items() if name not in self.lost]
+
+    def at_rest(self, now_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return where a fleet at rest is, (m, d) [m], [m/s]: by its plans, as far as it keeps to them."""
+        links = enumerate(self.fleet.links)
+        return _stacked([self._lost_at(i, now_s) if i in self._roll.lost else link.planned() for i, link in links])
+
+    def ahead(self, time_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return where everyone will be at `time_s` of the controller's clock: (m, d) [m], [m/s].
+
+        Raises
+        ------
+        UnknownPlanError
+            Someone flies a plan that this controller did not send.
+        """
+        self._note_strays()
+        return _stacked([self._ahead(index, time_s) for index in range(len(self._ids))])
+
+    def settled(self, now_s: float) -> bool:
+        """Return whether everyone who is not lost was heard just now and does not move any more."""
+        late = set(self.fleet.late(now_s))
+        here = [(index, link) for index, link in enumerate(self.fleet.links) if index not in self._roll.lost]
+        try:
+            return all(link.id not in late and self._where.settled(index, link) for index, link in here)
+        except UnknownPlanError:
+            return False
+
+    def resting_places(self, now_s: float) -> dict[str, list[float]]:
+        """Return where the lost come to rest, (d,) [m], for a successor."""
+        return {self._ids[i]: self._lost_at(i, now_s + self._horizon_s)[0].tolist() for i in self._roll.lost}
+
+    def _ahead(self, index: int, time_s: float) -> MotionState:
+        if index in self._roll.lost:
+            return self._lost_at(index, time_s)
+        return self._where.ahead(index, self.fleet.links[index], time_s, self._pace.speed_max(index))
+
+    def _lost_at(self, index: int, time_s: float) -> MotionState:
+        """Return where someone lost is then: braking since it died, or on along its plan."""
+        link = self.fleet.links[index]
+        if link.state is None:
+            return resting(self._rests[index])
+        if self._roll.lost[index] is Fate.FLIES_ON:
+            try:
+                return self._where.ahead(index, link, time_s, self._pace.speed_max(index))
+            except UnknownPlanError:
+                return resting(link.measured()[0])
+        return self._where.braked(index, link, time_s)
+
+    def _who_is_missed(self, now_s: float) -> str:
+        if self.fleet.reborn:
+            return f"{', '.join(self.fleet.reborn)} started anew"
+        patience_s = SILENT_PART * self._horizon_s
+        late = self.fleet.late(now_s, patience_s)
+        return f"{', '.join(late)} not heard for {patience_s:g} s" if late else ""
+
+    def _bid_farewell(self, index: int) -> None:
+        name = self._ids[index]
+        if name in self.fleet.reborn:
+            self._dispatch.forget(index)
+        self._tell(_kind("lost", name), f"{name} is lost: its work is shared out")
+
+    def _readmit(self, index: int) -> None:
+        name, link = self._ids[index], self.fleet.links[index]
+        link.freeze()
+        self._dispatch.forget(index)
+        self._pace.forget(index)
+        if isinstance(self._brain, LimitsSpeed):
+            self._brain.limit_speed(index, 1.0)
+        self._tell(_kind("back", name), f"{name} is back: work is shared with it again")
+
+    def _share(self) -> None:
+        assert isinstance(self._brain, SharesWork)
+        self._brain.set_lost(np.isin(np.arange(len(self._ids)), list(self._roll.lost)))
+
+    def _learn_pace(self) -> None:
+        for index, link in enumerate(self.fleet.links):
+            if index not in self._roll.lost and self._pace.learn(index, link):
+                part = float(self._pace.part[index])
+                self._tell(_kind("slow", link.id), f"{link.id} is slow: plans ask for {part:.0%} of its speed")
+                if isinstance(self._brain, LimitsSpeed):
+                    self._brain.limit_speed(index, part)
+
+    def _note_strays(self) -> None:
+        links = enumerate(self.fleet.links)
+        straying = {i for i, link in links if i not in self._roll.lost and self._where.strays(link)}
+        for index in sorted(straying - self._straying):
+            name = self._ids[index]
+            self._tell(_kind("strays", name), f"{name} strays from its plan: the next one starts where it is")
+        self._straying = straying
+
+
+def _stacked(states: list[MotionState]) -> tuple[FloatArray, FloatArray]:
+    return np.array([position for position, _ in states]), np.array([velocity for _, velocity in states])
+
+
+def _kind(what: str, name: str) -> str:
+    return f"{what}-{name}"[:64]

@@ -1,0 +1,76 @@
+"""Who is lost: agents that died or fell silent in flight, and those that came back."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.fleet_view import AgentLink, FleetView
+
+DEAD_STATES = 3.0
+"""An agent without a liveliness token is lost when it was silent for so many state periods, or for a period."""
+SILENT_PART = 0.5
+"""An agent with one is lost when it was silent for this part of the horizon: it may be hung."""
+
+
+class Fate(Enum):
+    """What a lost agent does."""
+
+    BRAKES = "its process died: its own deadman brakes it, as hard as it can, and it stays there"
+    FLIES_ON = "it cannot be heard: it flies its plan to the end, at rest"
+
+
+class RollCall:
+    """Keeps the list of the lost, by agent number.
+
+    A process that dies takes its liveliness token along at once, a broken line only after the lease of a second: so
+    whoever is lost without a token, but was heard within a period before, has died.
+    """
+
+    def __init__(self, mission: Mission, fleet: FleetView) -> None:
+        control = mission.spec.control
+        self.lost: dict[int, Fate] = {}
+        self._fleet = fleet
+        self._heard_s = control.period_s + control.state_period_s
+        self._dead_s = min(DEAD_STATES * control.state_period_s, control.period_s)
+        self._silent_s = SILENT_PART * control.horizon_steps * control.period_s
+
+    def gone(self, now_s: float) -> dict[int, Fate]:
+        """Return who is missing now and was not before."""
+        present = set(self._fleet.present())
+        fates: dict[int, Fate] = {}
+        for index, link in enumerate(self._fleet.links):
+            silent = link.silent_s(now_s)
+            if index in self.lost:
+                continue
+            if link.id in self._fleet.reborn:
+                fates[index] = Fate.BRAKES  # the one that was there before has died
+            elif link.id not in present and silent > self._dead_s:
+                fates[index] = Fate.BRAKES if silent <= self._heard_s else Fate.FLIES_ON
+            elif silent > self._silent_s:
+                fates[index] = Fate.FLIES_ON
+        return fates
+
+    def back(self, now_s: float, patience_s: float) -> list[int]:
+        """Return who of the lost is here, heard and at rest; whoever is heard in flight was not dead."""
+        awaited = self._fleet.awaited(now_s, patience_s)
+        back = []
+        for index in self.lost:
+            link = self._fleet.links[index]
+            if link.id in self._fleet.reborn:
+                self.lost[index] = Fate.BRAKES
+            elif link.id not in awaited:
+                back.append(index)
+            elif self._flies(link, now_s):
+                self.lost[index] = Fate.FLIES_ON
+        return back
+
+    def ids(self) -> list[str]:
+        """Return the names of the lost."""
+        return [link.id for index, link in enumerate(self._fleet.links) if index in self.lost]
+
+    def _flies(self, link: AgentLink, now_s: float) -> bool:
+        heard = link.silent_s(now_s) <= self._dead_s
+        return heard and link.state is not None and link.state.plan is not None and not link.state.at_rest

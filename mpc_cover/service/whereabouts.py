@@ -1,0 +1,88 @@
+"""Where an agent will be: along its plans if it keeps to them, else along what it can do to get back to them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.model.disturbance import disturbs_motion, still_air
+from mpc_cover.model.tube import tracking_of
+from mpc_cover.service.body import TrackingBody
+from mpc_cover.service.flight import START_TOLERANCE, Plant, Reference, Schedule, predict
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.body import MotionState
+    from mpc_cover.service.dispatch import Dispatch
+    from mpc_cover.service.fleet_view import AgentLink
+
+
+class Whereabouts:
+    """Predicts agents from their newest states, to times of the controller's clock.
+
+    An agent within its tube is predicted along its reference, as the tube is what plans keep clear of others; one
+    outside it, from where it measured itself, without noise and wind, by the feedback that it flies with.
+    """
+
+    def __init__(self, mission: Mission, dispatch: Dispatch) -> None:
+        fleet = mission.fleet
+        self._mission, self._dispatch = mission, dispatch
+        self._input_max, self._speed_max = fleet.input_max, fleet.speed_max
+        self._tracking = tracking_of(mission) if disturbs_motion(mission.spec.disturbance) else None
+
+    def strays(self, link: AgentLink) -> bool:
+        """Return whether an agent measures itself outside its tube."""
+        if self._tracking is None:
+            return False
+        (here, now), (position, velocity) = link.measured(), link.planned()
+        return not self._tracking.keeps(here - position, now - velocity, START_TOLERANCE)
+
+    def ahead(self, index: int, link: AgentLink, time_s: float, speed_max: float) -> MotionState:
+        """Return where agent number `index` will be, if it reaches `speed_max` [m/s] at most.
+
+        Raises
+        ------
+        UnknownPlanError
+            It flies a plan that this controller did not send.
+        """
+        schedule, at_s = self._dispatch.schedule(index, link), time_s - link.offset
+        assert link.state is not None
+        if self._tracking is None:
+            return predict(Plant(link.state.time_s, *link.measured()), schedule, at_s)
+        reference = Reference(link.state.time_s, *link.planned(), flown=schedule.flown)
+        if not self.strays(link):
+            return predict(reference, schedule, at_s)
+        body = TrackingBody(
+            reference,
+            link.measured(),
+            self._tracking,
+            still_air(self._mission, speed_max),
+            input_max=float(self._input_max[index]),
+            speed_max=float(self._speed_max[index]),
+        )
+        body.advance(at_s, schedule)
+        return body.truth
+
+    def braked(self, index: int, link: AgentLink, time_s: float) -> MotionState:
+        """Return where agent number `index` is when it has braked hardest ever since its newest state."""
+        assert link.state is not None
+        plant = Plant(link.state.time_s, *link.measured())
+        return predict(plant, Schedule(float(self._input_max[index])), time_s - link.offset)
+
+    def settled(self, index: int, link: AgentLink) -> bool:
+        """Return whether an agent does not move, nor will by any plan that was sent.
+
+        Raises
+        ------
+        UnknownPlanError
+            See `ahead`.
+        """
+        assert link.state is not None
+        return self._dispatch.schedule(index, link).rests(link.state.time_s, link.planned()[1])
+
+
+def resting(position: FloatArray) -> MotionState:
+    """Return the state of an agent that stands still at (d,) [m]."""
+    return position, np.zeros_like(position)
