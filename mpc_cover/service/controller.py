@@ -3,24 +3,25 @@
     waiting -> planning -> flying -> complete
        ^------- regroup ------+----> failed
 
-Ticks lie on the grid t_k = t_0 + k T_s. The tick at t_k plans from where everyone will be at t_{k+1}, and
+Before the first take-off it waits for everyone; after it, the others go on without whoever is lost. Ticks lie on the grid t_k = t_0 + k T_s. The tick at t_k plans from where everyone will be at t_{k+1}, and
 sends what starts then. Missed ticks are skipped; the agents fly on along their plans, which end at rest.
 """
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.service.commands import CommandDesk
+from mpc_cover.service.crew import Crew
 from mpc_cover.service.dispatch import Dispatch, UnknownPlanError
 from mpc_cover.service.heartbeat import Heartbeat
+from mpc_cover.service.helm import Helm
 from mpc_cover.service.journal import NoJournal
 from mpc_cover.service.keys import Keys
 from mpc_cover.service.messages import Phase
-from mpc_cover.service.step_log import Step, StepLog
+from mpc_cover.service.step_log import StepLog
 from mpc_cover.service.survey import Survey
 from mpc_cover.service.timeline import Timeline
 
@@ -29,16 +30,14 @@ if TYPE_CHECKING:
 
     from mpc_cover.clock import Clock
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.brain import Brain, StepOutcome
+    from mpc_cover.service.brain import Brain
     from mpc_cover.service.bus import Transport
     from mpc_cover.service.journal import Journal, Snapshot
 
 PATIENCE_S = 1.0
 """An agent that is awaited must have been heard within this time of the machine's clock [s]."""
-LOST_AFTER = 0.5
-"""Part of the horizon that an agent may be silent for before the fleet regroups."""
-LATEST_START = 0.5
-"""Part of the time for a step that must be left when it starts, or it is skipped."""
+ASLEEP = 2
+"""Whoever missed so many ticks cannot tell at once who else was silent."""
 MAX_FAILURES = 3
 """Steps in a row that may raise before the fleet regroups."""
 MOVED_M = 1e-4
@@ -82,17 +81,28 @@ class Controller:
         self.done = False
         self.steps = steps or StepLog()
         self.heartbeat = Heartbeat(mission, transport, clock, identity, epoch=epoch, period_s=0.5 * speed, say=say)
-        self._clock, self._transport, self._epoch = clock, transport, epoch
+        self._clock, self._transport, self._epoch, self._stay = clock, transport, epoch, stay
         self._control = mission.spec.control
-        self._speed, self._deadlines, self._stay = speed, deadlines, stay
         self._journal: Journal = journal or NoJournal()
-        self._dispatch = Dispatch(mission, transport, epoch, identity)
         self._desk = CommandDesk(mission, transport)
         self._timeline = Timeline(clock, self._control.period_s, resume.mission_time_s if resume else 0.0)
         self._survey = Survey(mission, transport, brain.coverage, self._timeline, speed=speed, resume=resume)
         self.fleet = self._survey.fleet
+        dispatch, tell = Dispatch(mission, transport, epoch, identity), self.heartbeat.events.tell
+        self.crew = Crew(mission, self.fleet, dispatch, brain, resume.lost if resume else {}, tell)
+        self._helm = Helm(
+            mission,
+            brain,
+            dispatch,
+            self._timeline,
+            clock,
+            self.steps,
+            speed=speed,
+            deadlines=deadlines,
+            tell=tell,
+        )
         self._patience = max(PATIENCE_S * speed, 3.0 * self._control.state_period_s)
-        self._failures = 0
+        self._flown = self._asleep = False
         self._complete_s = np.inf
 
     @property
@@ -104,6 +114,11 @@ class Controller:
     def exit_status(self) -> int:
         """0 when the mission is complete, else 1."""
         return 0 if self.phase is Phase.COMPLETE else 1
+
+    @property
+    def mission_time_s(self) -> float:
+        """Since the first take-off, without the time on the ground [s]."""
+        return self._timeline.now()
 
     def startup(self) -> None:
         """Show presence."""
@@ -141,8 +156,6 @@ class Controller:
 
     def _listen(self) -> None:
         self._survey.listen()
-        if self.fleet.reborn and self.phase is Phase.FLYING:
-            self._regroup(f"{', '.join(self.fleet.reborn)} started anew")
         if (newest := self.fleet.newest_epoch()) > self._epoch and self.phase is not Phase.FAILED:
             own = f"this one, of epoch {self._epoch}"
             self._enter(Phase.FAILED, f"a controller of epoch {newest} has taken over from {own}")
@@ -165,9 +178,11 @@ class Controller:
         self._enter(Phase.WAITING, f"{why}: everyone finishes its plan and waits")
 
     def _wait(self) -> None:
-        missing = self.fleet.awaited(self._clock.now(), self._patience)
+        if self._flown:
+            self.crew.call(self._clock.now(), self._patience)
+        missing = self._missing()
         if missing or self._desk.paused:
-            self.heartbeat.text = "; ".join(missing) or "paused"
+            self.heartbeat.text = missing or "paused"
             return
         self._timeline.pause()
         if self.brain.coverage.complete:
@@ -176,66 +191,43 @@ class Controller:
             self._enter(Phase.PLANNING, "plans thoroughly while everyone is at rest")
 
     def _plan(self) -> None:
-        """Plan thoroughly, pin mission time to the clock, and send the first plan a period ahead of its start."""
-        before = time.perf_counter()
-        deadline = before + self._control.planning_time_s if self._deadlines else None
-        position, velocity = self.fleet.state()
+        """Plan thoroughly while everyone is at rest, and take off if all still are."""
+        position, velocity = self.crew.at_rest(self._clock.now())
         try:
-            result = self.brain.prepare(position, velocity, self._timeline.now(), deadline=deadline)
+            result = self._helm.prepare(position, velocity)
         except Exception as error:  # noqa: BLE001 - a bug must not end the daemon without a word
             self._enter(Phase.FAILED, f"planning failed: {error!r}")
             return
         self._listen()
-        missing = self.fleet.awaited(self._clock.now(), self._patience)
-        if missing or np.abs(self.fleet.state()[0] - position).max() > MOVED_M:
-            self._regroup("; ".join(missing) or "someone moved")
+        missing = self._missing()
+        if missing or np.abs(self.crew.at_rest(self._clock.now())[0] - position).max() > MOVED_M:
+            self._regroup(missing or "someone moved")
             return
-        self._take_off(result)
-        self._note(result, time.perf_counter() - before, "prepare")
-
-    def _take_off(self, result: StepOutcome) -> None:
-        self.fleet.freeze_clocks()
-        self._timeline.start(self._clock.now() + self._control.period_s)
-        self._failures = 0
-        self._dispatch.forget()
-        self._send(result)
+        self._helm.take_off(result, self.crew)
+        self._flown = True
         self._enter(Phase.FLYING, "flying")
 
+    def _missing(self) -> str:
+        return "; ".join(self.crew.missing(self._clock.now(), self._patience))
+
     def _fly(self) -> None:
-        if self._over() or self._lost():
+        if not self._asleep and (why := self.crew.call(self._clock.now(), self._patience)):
+            self._regroup(why)
             return
-        now, tick = self._clock.now(), self._timeline.tick
-        budget = self._control.deadline_fraction * self._control.period_s
-        left = self._timeline.grid(tick) + budget - now
-        if self._deadlines and left < LATEST_START * budget:
-            self.steps.skipped += 1
+        if self._over():
             return
-        before = time.perf_counter()
         try:
-            position, velocity = self._dispatch.predict(self.fleet.links, self._timeline.grid(tick + 1))
+            self._helm.step(self.crew)
         except UnknownPlanError as error:
             self._regroup(f"someone flies an unknown plan ({error})")
             return
-        deadline = before + left / self._speed if self._deadlines else None
-        start = self._timeline.planned_start(tick + 1)
-        try:
-            result = self.brain.step(position, velocity, start, deadline=deadline)
-        except Exception as error:  # noqa: BLE001 - agents fly on along their verified plans
-            self._fail(error)
-            return
-        self._failures = 0
-        self._send(result)
-        self._note(result, time.perf_counter() - before, "step")
-
-    def _fail(self, error: Exception) -> None:
-        self._failures += 1
-        self.heartbeat.events.tell("step-failed", f"a step failed: {error!r}; the previous plan goes on")
-        if self._failures >= MAX_FAILURES:
-            self._regroup(f"{self._failures} steps failed")
+        if self._helm.failures >= MAX_FAILURES:
+            self._regroup(f"{self._helm.failures} steps failed")
 
     def _over(self) -> bool:
         """Return whether there is nothing to send: all covered and at rest, or out of time."""
-        now, limit, horizon = self._clock.now(), self._control.time_limit_s, self._horizon_s
+        now, limit = self._clock.now(), self._control.time_limit_s
+        horizon = self._control.horizon_steps * self._control.period_s
         if not self.brain.coverage.complete:
             if self._timeline.now() <= limit:
                 return False
@@ -243,27 +235,15 @@ class Controller:
             self._enter(Phase.FAILED, f"{owed} cells are not covered after control.time_limit_s {limit:g} s")
             return True
         self._complete_s = min(self._complete_s, now)
-        if not self.fleet.late(now) and self._settled():
+        if self.crew.settled(now):
             self._timeline.pause()
             self._complete()
             return True
         return now > self._complete_s + horizon  # whoever still hovers finishes its plan now
 
-    def _settled(self) -> bool:
-        try:
-            return self._dispatch.settled(self.fleet.links)
-        except UnknownPlanError:
-            return False
-
     def _complete(self) -> None:
         self._enter(Phase.COMPLETE, "everything is covered and everyone is at rest")
         self.done = not self._stay
-
-    def _lost(self) -> bool:
-        patience = LOST_AFTER * self._horizon_s
-        if lost := self.fleet.late(self._clock.now(), patience):
-            self._regroup(f"{', '.join(lost)} not heard for {patience:g} s")
-        return bool(lost)
 
     def _land(self) -> None:
         """Nothing new is sent; wait until everyone that is heard has finished its plan."""
@@ -272,38 +252,22 @@ class Controller:
 
     # what a tick leaves behind
 
-    @property
-    def _horizon_s(self) -> float:
-        return self._control.horizon_steps * self._control.period_s
-
-    def _send(self, result: StepOutcome) -> None:
-        self._dispatch.send(result.plan, self.fleet.links, self._timeline.origin_s, self._clock.now())
-
-    def _note(self, result: StepOutcome, tick_time_s: float, kind: str) -> None:
-        self.steps.add(
-            Step(
-                kind,
-                result.plan.start_time,
-                result.computing_time_s,
-                tick_time_s,
-                result.rung.name,
-                result.reason,
-                result.deadline_missed,
-            )
-        )
-
     def _beat(self) -> None:
-        self.heartbeat.beat(self.phase, self._timeline.now(), self.brain.coverage, self.steps, self.fleet)
+        self.heartbeat.beat(
+            self.phase, self._timeline.now(), self.brain.coverage, self.steps, self.fleet, self.crew.lost
+        )
         self._desk.answer(self.phase)
 
     def _save(self, *, now: bool = False) -> None:
         finished = self.phase is Phase.COMPLETE
-        snapshot = self._survey.snapshot(finished=finished)
+        snapshot = self._survey.snapshot(self.crew.resting_places(self._clock.now()), finished=finished)
         if problem := self._journal.save(snapshot, now=now or finished):
             self.heartbeat.events.tell("journal", problem)
 
     def _schedule(self) -> None:
         if self.phase is Phase.FLYING:
-            self.steps.skipped += self._timeline.next_tick()
+            skipped = self._timeline.next_tick()
+            self.steps.skipped += skipped
+            self._asleep = skipped >= ASLEEP
         else:
             self._timeline.next_wait(0.0 if self.phase is Phase.PLANNING else self._control.period_s)

@@ -70,6 +70,7 @@ class Crew:
 
     def call(self, now_s: float, patience_s: float) -> str:
         """See who is lost, back or slow; return why everyone should rather stop and wait, if so."""
+        self._learn_pace()
         if not isinstance(self._brain, SharesWork):
             return self._who_is_missed(now_s)
         back, gone = self._roll.back(now_s, patience_s), self._roll.gone(now_s)
@@ -85,7 +86,6 @@ class Crew:
             self._bid_farewell(index)
         if back or gone:
             self._share()
-        self._learn_pace()
         return ""
 
     def missing(self, now_s: float, patience_s: float) -> list[str]:

@@ -55,7 +55,13 @@ class Heartbeat:
         self._seq = 0
 
     def beat(
-        self, phase: Phase, mission_time_s: float, coverage: CoverageMap, steps: StepLog, fleet: FleetView
+        self,
+        phase: Phase,
+        mission_time_s: float,
+        coverage: CoverageMap,
+        steps: StepLog,
+        fleet: FleetView,
+        lost: list[str],
     ) -> None:
         """Tell how things stand."""
         now = self._clock.now()
@@ -77,9 +83,10 @@ class Heartbeat:
             rejected=fleet.rejected.total(),
             callback_errors=self._transport.callback_errors,
             present=fleet.present(),
+            lost=lost,
             text=self.text[:1000],
         )
-        changed = self.status is None or self.status.phase is not phase
+        changed = self.status is None or self.status.phase is not phase or self.status.lost != lost
         self.status = status
         if changed or now >= self._due_s - SNAP_S:
             self._seq += 1

@@ -163,8 +163,10 @@ def test_bounds_are_tightened_by_the_tube():
 
 
 def test_disturbances_that_leave_no_room_are_a_clear_error():
+    near = [{"id": "a1", "start_m": [0.6, 0.6]}, {"id": "a2", "start_m": [1.2, 0.6]}]
+    raw = small_mission(agents=near).spec.model_dump(by_alias=True, exclude_none=True)
     with pytest.raises(InvalidInputError, match="leaves no room"):
-        RecedingHorizon(disturbed(position_noise_m=0.24))
+        RecedingHorizon(build_mission({**raw, "disturbance": {"position_noise_m": 0.1}}, "small"))
 
 
 class FailingEngine:

@@ -1,0 +1,112 @@
+"""Asks the brain for plans, in time, and sends them; a brain that fails leaves the previous plan in force."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from mpc_cover.service.step_log import Step
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.clock import Clock
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.brain import Brain, StepOutcome
+    from mpc_cover.service.crew import Crew
+    from mpc_cover.service.dispatch import Dispatch
+    from mpc_cover.service.step_log import StepLog
+    from mpc_cover.service.timeline import Timeline
+
+LATEST_START = 0.5
+"""Part of the time for a step that must be left when it starts, or it is skipped."""
+
+
+class Helm:
+    """One mission's brain, with its budget of time.
+
+    Parameters
+    ----------
+    mission, brain, dispatch : what to do, who thinks, and who sends.
+    timeline, clock : when; `speed` is how many seconds of `clock` pass in one of the machine's.
+    steps : what each step took.
+    deadlines : whether steps have one; without, runs are deterministic.
+    tell : told events, of a kind, in words.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        brain: Brain,
+        dispatch: Dispatch,
+        timeline: Timeline,
+        clock: Clock,
+        steps: StepLog,
+        *,
+        speed: float,
+        deadlines: bool,
+        tell: Callable[[str, str], None],
+    ) -> None:
+        self.failures = 0
+        self._brain, self._dispatch, self._tell = brain, dispatch, tell
+        self._timeline, self._clock, self._steps = timeline, clock, steps
+        self._control = mission.spec.control
+        self._speed, self._deadlines = speed, deadlines
+        self._begun = 0.0
+
+    def prepare(self, position: FloatArray, velocity: FloatArray) -> StepOutcome:
+        """Return the first plan of a fleet at rest at (m, d) [m]; whatever the brain raises goes through."""
+        self._begun = time.perf_counter()
+        deadline = self._begun + self._control.planning_time_s if self._deadlines else None
+        return self._brain.prepare(position, velocity, self._timeline.now(), deadline=deadline)
+
+    def take_off(self, result: StepOutcome, crew: Crew) -> None:
+        """Pin mission time to the clock, and send the first plan a period ahead of its start."""
+        crew.fleet.freeze_clocks()
+        self._timeline.start(self._clock.now() + self._control.period_s)
+        self.failures = 0
+        self._dispatch.forget()
+        self._send(result, crew, "prepare")
+
+    def step(self, crew: Crew) -> None:
+        """Plan from where everyone will be at the next tick, and send it; too late for that, skip it.
+
+        Raises
+        ------
+        UnknownPlanError
+            Someone flies a plan that this controller did not send.
+        """
+        now, tick = self._clock.now(), self._timeline.tick
+        budget = self._control.deadline_fraction * self._control.period_s
+        left = self._timeline.grid(tick) + budget - now
+        if self._deadlines and left < LATEST_START * budget:
+            self._steps.skipped += 1
+            return
+        self._begun = time.perf_counter()
+        position, velocity = crew.ahead(self._timeline.grid(tick + 1))
+        deadline = self._begun + left / self._speed if self._deadlines else None
+        start = self._timeline.planned_start(tick + 1)
+        try:
+            result = self._brain.step(position, velocity, start, deadline=deadline)
+        except Exception as error:  # noqa: BLE001 - agents fly on along their verified plans
+            self.failures += 1
+            self._tell("step-failed", f"a step failed: {error!r}; the previous plan goes on")
+            return
+        self.failures = 0
+        self._send(result, crew, "step")
+
+    def _send(self, result: StepOutcome, crew: Crew, kind: str) -> None:
+        origin_s, now = self._timeline.origin_s, self._clock.now()
+        self._dispatch.send(result.plan, crew.fleet.links, origin_s, now, without=crew.lost_indices)
+        self._steps.add(
+            Step(
+                kind,
+                result.plan.start_time,
+                result.computing_time_s,
+                time.perf_counter() - self._begun,
+                result.rung.name,
+                result.reason,
+                result.deadline_missed,
+            )
+        )
