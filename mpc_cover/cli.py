@@ -201,6 +201,9 @@ def plan(
     min_time: Annotated[
         bool, typer.Option("--min-time", help="Search for the shortest plan that covers everything.")
     ] = False,
+    cones: Annotated[
+        str, typer.Option("--cones", help="Speeds, inputs, edges as polygons inside their discs, or exact (clarabel).")
+    ] = "polygons",
     profile: Annotated[bool, typer.Option("--profile", help="Show where the time goes.")] = False,
     seed: Seed = 0,
     backend: Backend = "piqp",
@@ -213,7 +216,9 @@ def plan(
     _check_backend(backend)
     if time_limit is not None and not (math.isfinite(time_limit) and time_limit > 0.0):
         raise UserError(f"--time-limit {time_limit:g}: must be a number of seconds greater than 0")
-    options = PlanOptions(backend, seed, starts, time_limit, min_time)
+    if cones not in {"polygons", "exact"}:
+        raise UserError(f"--cones {cones}: must be polygons or exact")
+    options = PlanOptions(backend, seed, starts, time_limit, min_time, cones == "exact")
     console, several = _console(as_json), everything is not None
     results = plan_files(everything or mission, out, options, console, folder=several, profile=profile)
     for summary, extra in results:

@@ -80,11 +80,12 @@ def refine(
     iterations: int = 10,
     region: float = 1.0,
     deadline: float | None = None,
+    exact_cones: bool = False,
 ) -> Refined:
     """Lower J from the decision vector `x`, stage by stage; anytime: the best feasible motion is returned.
 
     `iterations` bounds the QPs of a stage; `region` is the first trust radius in sensing radii; `deadline`
-    is on `time.perf_counter`. Stops early once everything is covered.
+    is on `time.perf_counter`; `exact_cones` needs a back-end that has them. Stops early once everything is covered.
     """
     scale = length_scale(window)
     options = sqp.Options(
@@ -103,7 +104,7 @@ def refine(
             break
         if deadline is not None and time.perf_counter() >= deadline:
             break
-        problem = CoverageProblem(window, Settings(softness_at(value, scale)))
+        problem = CoverageProblem(window, Settings(softness_at(value, scale), exact_cones=exact_cones))
         result = sqp.solve(problem, current, backend, options, deadline=deadline)
         stages.append(result)
         current = result.x

@@ -34,6 +34,7 @@ class PlanOptions:
     starts : guesses that are told apart.
     time_limit_s : of the whole search; None for none, and the same result every time.
     min_time : whether to search for the shortest plan that covers everything, instead of a fixed duration.
+    exact_cones : second-order cones for speeds, inputs and edges instead of polytopes inside them.
     """
 
     backend: str = "piqp"
@@ -41,6 +42,12 @@ class PlanOptions:
     starts: int = 10
     time_limit_s: float | None = None
     min_time: bool = False
+    exact_cones: bool = False
+
+    def __post_init__(self) -> None:
+        """Raise `UserError` for cones that the back-end lacks."""
+        if self.exact_cones and self.backend != "clarabel":
+            raise UserError(f"--cones exact: {self.backend} has no second-order cones: use --backend clarabel")
 
 
 def plan_mission(
@@ -59,7 +66,7 @@ def plan_mission(
     engine, task = Engine(options.backend), offline_task(mission)
     steps = round(mission.spec.planning.duration_s / task.period)
     deadline = None if options.time_limit_s is None else time.perf_counter() + options.time_limit_s
-    search = Search(starts=options.starts, finalists=3, seed=options.seed)
+    search = Search(options.starts, finalists=3, seed=options.seed, exact_cones=options.exact_cones)
     if options.min_time:
         found = engine.shortest(task, search, deadline, _teller(task.period, told))
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, islice
 from typing import TYPE_CHECKING
 
@@ -41,12 +42,14 @@ class Search:
     finalists : the best of them, refined until one covers everything.
     seed : of the random ones.
     kinds : only these guesses, in this order; empty for all.
+    exact_cones : second-order cones instead of polytopes, where the back-end has them.
     """
 
     starts: int = 10
     finalists: int = 2
     seed: int = 0
     kinds: tuple[str, ...] = ()
+    exact_cones: bool = False
 
 
 def plan_for(
@@ -64,7 +67,15 @@ def plan_for(
         if _late(screening) and tried:
             break
         x = window.exact_ends(task.flown(guess, steps).decision)
-        coarse = refine(window, x, backend, sharpness=COARSE, iterations=4, deadline=deadline)
+        coarse = refine(
+            window,
+            x,
+            backend,
+            sharpness=COARSE,
+            iterations=4,
+            deadline=deadline,
+            exact_cones=search.exact_cones,
+        )
         tried.append((guess, coarse))
         if coarse.cost == 0.0 and coarse.feasible:
             break
@@ -73,24 +84,31 @@ def plan_for(
     for guess, coarse in tried[: search.finalists]:
         if min(found, key=lambda c: c.rank).complete or _late(deadline):
             break
-        found.append(_finished(task, backend, steps, (guess, coarse), deadline))
+        found.append(_finished(task, backend, steps, (guess, coarse), deadline, exact_cones=search.exact_cones))
     still = task.flown(rest_guess(task.position), steps)
     found.append(candidate_of(task, steps, judge(window, window.exact_ends(still.decision)), "rest"))
     return sorted(found, key=lambda candidate: candidate.rank)
 
 
 def _finished(
-    task: Task, backend: Backend, steps: int, start: tuple[Guess, Refined], deadline: float | None
+    task: Task,
+    backend: Backend,
+    steps: int,
+    start: tuple[Guess, Refined],
+    deadline: float | None,
+    *,
+    exact_cones: bool,
 ) -> Candidate:
     """Refine a finalist from where the coarse stages left it, then once more from the start with all stages."""
     guess, coarse = start
     window = task.window(steps)
-    fine = refine(window, coarse.x, backend, sharpness=SHARPNESS[2:], iterations=8, region=0.5, deadline=deadline)
+    refined = partial(refine, window, backend=backend, deadline=deadline, exact_cones=exact_cones)
+    fine = refined(x=coarse.x, sharpness=SHARPNESS[2:], iterations=8, region=0.5)
     first = candidate_of(task, steps, fine, guess.kind)
     if first.complete or first.cost > _HOPELESS * length_scale(window) or _late(deadline):
         return first
     x = window.exact_ends(task.flown(guess, steps).decision)
-    again = candidate_of(task, steps, refine(window, x, backend, iterations=10, deadline=deadline), guess.kind)
+    again = candidate_of(task, steps, refined(x=x, iterations=10), guess.kind)
     return min(first, again, key=lambda candidate: candidate.rank)
 
 

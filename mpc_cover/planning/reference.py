@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from mpc_cover.constraints.collision import collision_rows
+from mpc_cover.constraints.cones import edge_cones
 from mpc_cover.constraints.connectivity import connectivity_rows
 from mpc_cover.constraints.facets import inscribed, turned_normals
 from mpc_cover.constraints.pairs import all_pairs, pair_distances
@@ -81,8 +82,14 @@ def build_reference(
 def _add_limits(found: Reference, window: Window, settings: Settings, bar_v: FloatArray) -> None:
     """Add polytopes inside the discs of speed and input (4.13, 4.14)."""
     facets = inscribed(window.fleet.dimension, settings.sides)
-    share = (1.0 - settings.margins.limits - settings.margins.solver) * facets.shrink
+    share = settings.margins.limit_share * (1.0 if settings.exact_cones else facets.shrink)
     for i in range(window.fleet.size):
+        if settings.exact_cones:
+            found.constraints += [
+                cp.norm(v[i]) <= share * window.fleet.speed_max[i] for v in found.velocity[window.first :]
+            ]
+            found.constraints += [cp.norm(u[i]) <= share * window.fleet.input_max[i] for u in found.force]
+            continue
         for n in range(window.first, window.steps + 1):
             speed = turned_normals(facets, bar_v[n])[i]
             found.constraints.append(cp.abs(speed @ found.velocity[n][i]) <= share * window.fleet.speed_max[i])
@@ -150,7 +157,12 @@ def _add_pairs(
     if fleet.separation_min > 0.0:
         rows = collision_rows(layout, pairs, required.separation, between, reach, window.first)
         _add_elastic(found, rows, settings.penalty)
-    if np.isfinite(fleet.communication_range):
+    if np.isfinite(fleet.communication_range) and settings.exact_cones:
+        cones = edge_cones(layout, pairs, required.range, 0.5 * float(between.max()), reach, fleet, window.first)
+        for bound, plus, minus in zip(cones.bound, cones.plus, cones.minus, strict=True):
+            (n, i), (_, j) = (divmod(int(c) // layout.dimension, layout.agents) for c in (plus, minus))
+            found.terms.append(settings.penalty * cp.pos(cp.norm(found.position[n][i] - found.position[n][j]) - bound))
+    elif np.isfinite(fleet.communication_range):
         facets = inscribed(layout.dimension, settings.edge_sides)
         slack = 0.5 * float(between.max())
         rows = connectivity_rows(layout, pairs, required.range, slack, reach, facets, fleet=fleet, first=window.first)

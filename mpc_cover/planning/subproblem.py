@@ -14,6 +14,7 @@ import scipy.sparse as sp
 
 from mpc_cover.constraints.boundary import bound_rows
 from mpc_cover.constraints.collision import collision_rows
+from mpc_cover.constraints.cones import Cones, edge_cones, input_cones, speed_cones, stack_cones
 from mpc_cover.constraints.connectivity import connectivity_rows
 from mpc_cover.constraints.dynamics import dynamics_rows
 from mpc_cover.constraints.facets import inscribed
@@ -22,7 +23,7 @@ from mpc_cover.constraints.pairs import all_pairs, pair_distances
 from mpc_cover.constraints.rows import Layout, Rows, stack
 from mpc_cover.coverage.majoriser import build_majoriser
 from solvers.nlp import ConvexModel
-from solvers.qp import QP
+from solvers.qp import QP, SecondOrderCones
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -74,11 +75,13 @@ def coverage_terms(layout: Layout, position: FloatArray, majoriser: Majoriser, r
 
 def motion_rows(window: Window, settings: Settings, layout: Layout, velocity: FloatArray) -> list[Rows]:
     """Return the hard rows that every iterate satisfies: dynamics and limits."""
-    margins = settings.margins
+    dynamics = dynamics_rows(layout, window.period)
+    if settings.exact_cones:
+        return [dynamics]
     facets = inscribed(layout.dimension, settings.sides)
-    shrink = 1.0 - margins.limits - margins.solver
+    shrink = settings.margins.limit_share
     return [
-        dynamics_rows(layout, window.period),
+        dynamics,
         speed_rows(layout, velocity, shrink * window.fleet.speed_max, facets, window.first),
         input_rows(layout, velocity, shrink * window.fleet.input_max, window.period, facets),
     ]
@@ -103,12 +106,36 @@ def pair_rows(
     blocks = []
     if fleet.separation_min > 0.0:
         blocks.append(collision_rows(layout, pairs, required.separation, between, reach, window.first))
-    if np.isfinite(fleet.communication_range):
+    if np.isfinite(fleet.communication_range) and not settings.exact_cones:
         facets = inscribed(layout.dimension, settings.edge_sides)
         slack = 0.5 * float(between.max())
         blocks.append(
             connectivity_rows(layout, pairs, required.range, slack, reach, facets, fleet=fleet, first=window.first)
         )
+    return blocks
+
+
+def motion_cones(
+    window: Window,
+    settings: Settings,
+    required: Requirements,
+    layout: Layout,
+    motion: tuple[FloatArray, FloatArray],
+    radius: float,
+) -> list[Cones]:
+    """Return limits and edges as cones, where the settings ask for them; the edges' come last and have slacks."""
+    if not settings.exact_cones:
+        return []
+    fleet, shrink = window.fleet, settings.margins.limit_share
+    blocks = [
+        speed_cones(layout, shrink * fleet.speed_max, window.first),
+        input_cones(layout, shrink * fleet.input_max, window.period),
+    ]
+    if fleet.size > 1 and np.isfinite(fleet.communication_range):
+        pairs = pair_distances(*motion, window.period)
+        between = float(fleet.input_max.max()) * window.period**2 / 8.0
+        reach = 2.0 * radius * float(np.sqrt(layout.dimension))
+        blocks.append(edge_cones(layout, pairs, required.range, between, reach, fleet, window.first))
     return blocks
 
 
@@ -127,13 +154,30 @@ def build_subproblem(
     hard += bound_rows(layout, position, box, radius, window.ends, window.fleet.lost)
     elastic = pair_rows(window, settings, required, layout, (position, velocity), radius)
     soft, slacks = _number_slacks([terms.rows, *elastic], layout.size)
+    cones = motion_cones(window, settings, required, layout, (position, velocity), radius)
+    edge_slack, slacks = layout.size + slacks, slacks + sum(int((block.slack >= 0).sum()) for block in cones)
     matrix, lower, upper = stack([*hard, *soft, _non_negative(layout.size, slacks)], layout.size + slacks)
     slack_cost = np.concatenate([terms.slack_cost, np.full(slacks - terms.slack_cost.size, settings.penalty)])
     iterate = np.concatenate([position.ravel(), velocity.ravel()])
     quadratic, linear = _cost(layout, terms, iterate, slack_cost, settings.proximal)
-    qp = QP(quadratic, linear, matrix, lower, upper)
     start = np.concatenate([iterate, _slack_values(matrix, upper, iterate, slacks)])
+    exact = None
+    if cones:
+        exact = SecondOrderCones(*stack_cones(cones, layout.dimension, start.size, [edge_slack] * len(cones)))
+        start = _with_edge_slacks(start, exact, layout.dimension)
+    qp = QP(quadratic, linear, matrix, lower, upper, exact)
     return _model(window, layout, qp, start, settings.penalty)
+
+
+def _with_edge_slacks(start: FloatArray, cones: SecondOrderCones, dimension: int) -> FloatArray:
+    """Return the start with the slacks that its too long edges need."""
+    value = (cones.h + cones.G @ start).reshape(-1, 1 + dimension)
+    over = np.maximum(np.linalg.norm(value[:, 1:], axis=1) - value[:, 0], 0.0)
+    top = (1 + dimension) * np.arange(over.size)
+    lifted = cones.G[top].tocoo()
+    start = start.copy()
+    start[lifted.col] += over[lifted.row]
+    return start
 
 
 def _number_slacks(blocks: list[Rows], first: int) -> tuple[list[Rows], int]:

@@ -34,6 +34,11 @@ class Margins:
     limits: float = 5e-4
     solver: float = 1e-3
 
+    @property
+    def limit_share(self) -> float:
+        """The part of u_max and v_max that a QP may use."""
+        return 1.0 - self.limits - self.solver
+
 
 @dataclass(frozen=True, eq=False)
 class Window:
@@ -107,6 +112,8 @@ class Settings:
     """Cost of a metre of violated separation or connectivity, in cells times metres."""
     proximal: float = 1e-4
     """Weight of the distance to the iterate, which makes the QP strictly convex."""
+    exact_cones: bool = False
+    """Speeds, inputs and edges as second-order cones instead of polytopes; Clarabel has them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,7 +87,7 @@ class ExactBody:
         self.nominal.advance(until_s, schedule)
 
     def can_reach(self, position: FloatArray, velocity: FloatArray, time_s: float) -> bool:  # noqa: ARG002
-        """It is nowhere but on its plan."""
+        """Return False: it is nowhere but on its plan."""
         return False
 
 

@@ -3,8 +3,9 @@
     waiting -> planning -> flying -> complete
        ^------- regroup ------+----> failed
 
-Before the first take-off it waits for everyone; after it, the others go on without whoever is lost. Ticks lie on the grid t_k = t_0 + k T_s. The tick at t_k plans from where everyone will be at t_{k+1}, and
-sends what starts then. Missed ticks are skipped; the agents fly on along their plans, which end at rest.
+Before the first take-off it waits for everyone; after it, the others go on without whoever is lost. Ticks lie on
+the grid t_k = t_0 + k T_s. The tick at t_k plans from where everyone will be at t_{k+1}, and sends what starts
+then. Missed ticks are skipped; the agents fly on along their plans, which end at rest.
 """
 
 from __future__ import annotations
@@ -200,7 +201,8 @@ class Controller:
             return
         self._listen()
         missing = self._missing()
-        if missing or np.abs(self.crew.at_rest(self._clock.now())[0] - position).max() > MOVED_M:
+        moved = np.abs(self.crew.at_rest(self._clock.now())[0] - position).max(axis=1) > MOVED_M
+        if missing or any(moved[index] for index in range(len(moved)) if index not in self.crew.lost_indices):
             self._regroup(missing or "someone moved")
             return
         self._helm.take_off(result, self.crew)
@@ -242,7 +244,9 @@ class Controller:
         return now > self._complete_s + horizon  # whoever still hovers finishes its plan now
 
     def _complete(self) -> None:
-        self._enter(Phase.COMPLETE, "everything is covered and everyone is at rest")
+        lost = self.crew.lost
+        rest = f", and everyone but {', '.join(lost)}" if lost else " and everyone"
+        self._enter(Phase.COMPLETE, f"everything is covered{rest} is at rest")
         self.done = not self._stay
 
     def _land(self) -> None:

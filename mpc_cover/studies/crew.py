@@ -10,7 +10,7 @@ from mpc_cover.errors import UserError
 from mpc_cover.studies.measure import failed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Generator, Sequence
     from types import TracebackType
 
     from mpc_cover.studies.measure import Fly
@@ -34,7 +34,7 @@ class Crew(Protocol):
         """Let go."""
         ...
 
-    def fly(self, runs: Sequence[Run], fly: Fly) -> Iterator[Record]:
+    def fly(self, runs: Sequence[Run], fly: Fly) -> Generator[Record]:
         """Fly the runs by calling `fly` on each somewhere."""
         ...
 
@@ -54,7 +54,7 @@ class LocalCrew:
     ) -> None:
         """Nothing to let go: they end with the last."""
 
-    def fly(self, runs: Sequence[Run], fly: Fly) -> Iterator[Record]:
+    def fly(self, runs: Sequence[Run], fly: Fly) -> Generator[Record]:
         """Fly the runs.
 
         Raises
@@ -119,7 +119,7 @@ class DaskCrew:
         """Disconnect; the cluster stays as it is."""
         self._client.close()
 
-    def fly(self, runs: Sequence[Run], fly: Fly) -> Iterator[Record]:
+    def fly(self, runs: Sequence[Run], fly: Fly) -> Generator[Record]:
         """Fly the runs; one that the cluster loses comes back as one that broke off."""
         import distributed  # noqa: PLC0415 - an extra
 

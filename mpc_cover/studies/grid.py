@@ -53,7 +53,7 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """The runs in the order in which they are flown, and a fingerprint of each mission by name; remarks for the user."""
+    """The runs in the order in which they are flown, a fingerprint of each mission by name, remarks for the user."""
 
     runs: list[Run]
     fingerprints: dict[str, str]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cProfile
+import math
 import pstats
 import time
 from contextlib import contextmanager
@@ -59,7 +60,8 @@ def _plan(
         trajectory = plan_mission(mission, options, told=lambda line: console.print(line, highlight=False))
     seconds = time.perf_counter() - begun
     save_trajectory(trajectory, file)
-    summary = summarise(trajectory, check_trajectory(trajectory))
+    report = check_trajectory(trajectory)
+    summary = summarise(trajectory, report)
     meta = trajectory.meta
     console.print(
         f"J = {meta['cost_m']:.6g} m after {meta['subproblems']} subproblems from {meta['guess']}, "
@@ -67,7 +69,9 @@ def _plan(
         highlight=False,
     )
     kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual")
-    extra = {"file": str(file), "computing_time_s": round(seconds, 3), **{name: meta.get(name) for name in kept}}
+    margins = {check.name: check.margin for check in report.checks if math.isfinite(check.margin)}
+    extra = {"file": str(file), "computing_time_s": round(seconds, 3), "margins": margins}
+    extra |= {name: meta.get(name) for name in kept}
     return summary, extra
 
 

@@ -138,21 +138,27 @@ def _listen(run: Run, receiving: Connection, limit_s: float, told: Callable[[Run
 
 
 def compete(connection: Connection, name: str, mission: str, x: FloatArray, limit_s: float, log: str) -> None:
-    """Be the process of one peer: solve, and tell; native chatter goes to the file `log`."""
+    """Be the process of one peer; native chatter goes to the file `log`."""
     target = os.open(log, os.O_WRONLY | os.O_CREAT, 0o600)
     os.dup2(target, 1)
     os.dup2(target, 2)
+    connection.send(solved(name, mission, x, limit_s, connection.send))
+    connection.close()
+
+
+def solved(
+    name: str, mission: str, x: FloatArray, limit_s: float, tell: Callable[[float | Sighting], None]
+) -> Answer | Failure:
+    """Let a peer solve, whatever becomes of it."""
     try:
         peer = PEERS[name].load()
         case = make_case(mission_from_json(mission, "the benchmark's mission"))
-        message: Answer | Failure = peer(case, x, Watch(case, limit_s, connection.send))
+        return peer(case, x, Watch(case, limit_s, tell))
     except ModuleNotFoundError as error:
         remedy = OPTIONAL.get(error.name or "")
-        message = Failure(f"not installed: {remedy}" if remedy else f"failed: {error}")
+        return Failure(f"not installed: {remedy}" if remedy else f"failed: {error}")
     except Exception as error:  # noqa: BLE001 - a peer may fail in any way, and its row says which
-        message = Failure(f"failed: {type(error).__name__}: {' '.join(str(error).split())[:200]}")
-    connection.send(message)
-    connection.close()
+        return Failure(f"failed: {type(error).__name__}: {' '.join(str(error).split())[:200]}")
 
 
 @contextmanager

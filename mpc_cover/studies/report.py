@@ -63,7 +63,9 @@ def write_report(groups: Mapping[str, Sequence[Group]], folder: StudyFolder) -> 
 def print_groups(groups: Mapping[str, Sequence[Group]], console: Console) -> None:
     """Print a table a mission."""
     for mission, some in groups.items():
-        table = Table(title=title_of(mission, some), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+        table = Table(
+            title=title_of(mission, some), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False
+        )
         for index, header in enumerate(HEADERS):
             table.add_column(Text(header), justify="right" if index else "left", no_wrap=index > 0)
         for group in some:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -15,6 +14,7 @@ from mpc_cover.studies.record import Record, columns, row_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
+    from pathlib import Path
 
     import pyarrow as pa
 
@@ -31,7 +31,7 @@ class StudyFolder:
     ----------
     path : the folder; nothing is written before `open`.
     missions : a fingerprint of each mission by name.
-    command : what is being run, for the report.
+    command : what is being run; `commands` are all that made what is here, each once.
 
     Raises
     ------
@@ -45,19 +45,15 @@ class StudyFolder:
         self._runs = path / "runs"
         self._records: dict[str, Record] = {}
         before = self._read_marker()
+        self.commands = list(dict.fromkeys([*before.get("commands", []), command]))
         self._marker = {
             "format": FORMAT,
             "version": __version__,
             "missions": {**before.get("missions", {}), **missions},
-            "commands": list(dict.fromkeys([*before.get("commands", []), command])),
+            "commands": self.commands,
         }
         self._refuse_others(before, missions)
         self._read_records()
-
-    @property
-    def commands(self) -> list[str]:
-        """The commands that made what is here, each once."""
-        return list(self._marker["commands"])
 
     @property
     def records(self) -> list[Record]:

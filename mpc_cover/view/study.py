@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.ticker import LogFormatter
 
 from mpc_cover.view.style import INK, LIMIT, QUIET, agent_style, draw_limit, house_style, new_figure, outlined
 
@@ -14,12 +15,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
     from mpc_cover.arrays import FloatArray
 
     Draw = Callable[[Axes, Sequence["Series"]], None]
 
+_MARKERS = "osD^vPX"
 _INSTANTS = 400
 """At how many instants a band is drawn."""
 
@@ -64,7 +67,7 @@ def study_figures(missions: Mapping[str, Sequence[Series]]) -> Iterator[tuple[st
 
 def draw_coverage(mission: str, series: Sequence[Series]) -> Figure:
     """Draw a panel a series: the median and the band of 10 to 90 % of the runs, the others' medians in grey."""
-    columns = min(3, len(series))
+    columns = 2 if len(series) == 4 else min(3, len(series))  # noqa: PLR2004 - two by two
     rows = -(-len(series) // columns)
     figure = new_figure(max(6.0, 4.3 * columns), 3.3 * rows + 0.5)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
@@ -80,6 +83,8 @@ def draw_coverage(mission: str, series: Sequence[Series]) -> Figure:
         _draw_bound(axes, one)
         axes.set_title(one.label)
         _note(axes, f"99 %: {_time(_median(one.time_99))} median\n{_time(one.time_99.max())} worst\n{_runs(one)}")
+    for axes in grid[len(series) - columns : len(series)]:
+        axes.tick_params(labelbottom=True)  # nothing stands below
     for axes in grid[len(series) :]:
         axes.remove()
     grid[0].set(ylim=(0.0, 103.0), xlim=(0.0, time[-1]))
@@ -102,7 +107,7 @@ def draw_times(axes: Axes, series: Sequence[Series]) -> None:
         axes.plot(place[index] + side, times, "o", color=colour, markersize=3.5, markeredgewidth=0, alpha=0.9)
         if never := len(series[index].time_99) - len(times):
             text = f"{never} of {len(series[index].time_99)}\nnever"
-            style = {"color": LIMIT, "fontsize": 9.0, "path_effects": outlined(2.5)}
+            style: Any = {"color": LIMIT, "fontsize": 9.0, "path_effects": outlined(2.5)}
             axes.text(place[index], 0.99, text, transform=axes.get_xaxis_transform(), ha="center", va="top", **style)
     if (bound := series[0].bound_s) is not None:
         draw_limit(axes, bound, f"swath bound {bound:.1f} s", QUIET)
@@ -128,8 +133,9 @@ def draw_step_times(axes: Axes, series: Sequence[Series]) -> None:
     for period in sorted({one.period_ms for one in series}):
         draw_limit(axes, period, f"period {period:g} ms", above=False)
     axes.set_yscale("log")
+    _plain_numbers(axes.yaxis)
     _name_places(axes, series)
-    axes.set_ylabel("step time [ms]: quartiles, ◆ p99, × longest", fontsize=9.5)
+    axes.set_ylabel("step time [ms]: quartiles, ◆ p99, x longest", fontsize=9.5)
 
 
 def draw_front(axes: Axes, series: Sequence[Series]) -> None:
@@ -139,17 +145,19 @@ def draw_front(axes: Axes, series: Sequence[Series]) -> None:
         time = _median(one.time_99)
         if not one.step_ms.size or not math.isfinite(time):
             continue
-        x = float(np.percentile(one.step_ms, 99))
-        points.append((x, time))
-        axes.plot(x, time, "o", color=agent_style(index)[0], markersize=9, markeredgecolor="white", zorder=4)
-        offset = {"xytext": (7, 5), "textcoords": "offset points", "path_effects": outlined(2.5)}
-        axes.annotate(one.label, (x, time), fontsize=9.5, zorder=5, **offset)
-    front = np.array(pareto_front(points)).reshape(-1, 2)
-    axes.step(front[:, 0], front[:, 1], where="post", color=QUIET, linewidth=1.4, linestyle=(0, (6, 2)))
-    axes.set_xscale("log")
-    axes.margins(0.25, 0.2)
+        points.append((float(np.percentile(one.step_ms, 99)), time))
+        colour, marker = agent_style(index)[0], _MARKERS[index % len(_MARKERS)]
+        style: Any = {"color": colour, "markersize": 9, "markeredgecolor": "white", "zorder": 4}
+        axes.plot(*points[-1], marker, linestyle="none", label=one.label, **style)
+    if points:
+        axes.step(*np.array(pareto_front(points)).T, where="post", color=QUIET, linewidth=1.4, linestyle=(0, (6, 2)))
+        axes.legend(loc="best")
     if (bound := series[0].bound_s) is not None:
         draw_limit(axes, bound, f"swath bound {bound:.1f} s", QUIET)
+    axes.margins(0.25, 0.2)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xscale("log")
+    _plain_numbers(axes.xaxis)
     axes.set_xlabel("step time p99 [ms]")
     axes.set_ylabel("median time to 99 % [s]")
 
@@ -201,6 +209,12 @@ def _name_places(axes: Axes, series: Sequence[Series]) -> None:
     axes.set_xticks(range(len(series)), [one.label.replace(" ", "\n", 1) for one in series])
     axes.set_xlim(-0.6, len(series) - 0.4)
     axes.grid(visible=False, axis="x")
+
+
+def _plain_numbers(axis: Axis) -> None:
+    """Write 10 and 100 on a logarithmic axis, and something between where there is room."""
+    axis.set_major_formatter(LogFormatter())
+    axis.set_minor_formatter(LogFormatter(minor_thresholds=(2.0, 0.5)))
 
 
 def _median(values: FloatArray) -> float:

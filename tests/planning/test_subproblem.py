@@ -65,6 +65,23 @@ def test_it_has_the_same_optimum_as_the_reference_formulation(backend, seed, age
     assert merit - model.predicted(solution.x) == pytest.approx(expected, rel=CLOSE[backend])
 
 
+@pytest.mark.parametrize(("seed", "dimension"), [(1, 2), (2, 3), (8, 2)])
+def test_with_exact_cones_it_has_the_same_optimum_as_the_reference_and_a_better_one_than_polygons(seed, dimension):
+    window, x = random_window(seed, steps=5, agents=3, dimension=dimension)
+    window = replace(window, fleet=replace(window.fleet, communication_range=3.9))
+    required, merits = requirements(window, settings().margins), []
+    for chosen in (replace(settings(), exact_cones=True), settings()):
+        model = build_subproblem(window, chosen, required, x, 0.6)
+        solver = make_backend("clarabel")
+        solver.setup(model.qp, TIGHT["clarabel"])
+        solution = solver.solve()
+        assert solution.ok, solution.status
+        merit = CoverageProblem(window, chosen).measure(x).merit(chosen.penalty)
+        merits.append(merit - model.predicted(solution.x))
+        assert merits[-1] == pytest.approx(build_reference(window, chosen, required, x, 0.6).solve(), rel=1e-4)
+    assert merits[0] <= merits[1] + 1e-6
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_without_coverage_terms_the_iterate_is_the_optimum(seed):
     window, x = random_window(seed)
