@@ -15,6 +15,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.mission.fleet import Fleet
 
 _GAP = 1e-6
 """Closest to its bound at which a pair's gradient is evaluated [m]: it stays finite, and huge."""
@@ -92,6 +93,22 @@ class Coordination:
         right &= self.repel_within_m <= self.range_m  # 6.1.1: neighbours suffice
         if not right:
             raise ValueError(f"{self}: must have rho_B < R_B <= rho_C and R_C < rho_C")
+
+
+def coordination_of(
+    fleet: Fleet, repel_within: float | None = None, attract_beyond: float | None = None
+) -> Coordination:
+    """Return a fleet's rho_B and rho_C with R_B and R_C [m]; left out, in the proportions of 6.3: 2 and 8/11.
+
+    Raises
+    ------
+    ValueError
+        The bounds contradict each other.
+    """
+    near, far = fleet.separation_min, fleet.communication_range
+    repel = min(2.0 * near, far) if repel_within is None else repel_within
+    attract = 8.0 / 11.0 * far if attract_beyond is None else attract_beyond
+    return Coordination(near, repel, far, attract)
 
 
 def collision_potential(position: FloatArray, bounds: Coordination) -> FloatArray:

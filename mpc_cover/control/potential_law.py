@@ -135,11 +135,22 @@ class PotentialLaw:
         longest = self._period * self._bounds.speed_max
         return position + filter_steps(position, self._period * wish, longest, sets)
 
-    def force(self, position: FloatArray, velocity: FloatArray, wish: FloatArray, kept: BoolArray) -> FloatArray:
-        """Return the inputs (m, d) [m/s^2] of double integrators that follow a wish [m/s] and keep every bound."""
+    def force(
+        self,
+        position: FloatArray,
+        velocity: FloatArray,
+        wish: FloatArray,
+        kept: BoolArray,
+        doubt: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return the inputs (m, d) [m/s^2] of double integrators that follow a wish [m/s] and keep every bound.
+
+        `doubt` (m,) [m] is by how much each may be elsewhere than in its stopping ball; left out, nobody is.
+        """
         assert self._bounds.input_max is not None, "single integrators take steps"
         limits = (self._bounds.input_max, self._bounds.speed_max)
-        sets = self._sets(position, *self._balls(position, velocity), kept)
+        centre, radius = self._balls(position, velocity)
+        sets = self._sets(position, centre, radius if doubt is None else radius + doubt, kept)
         wanted = track(velocity, wish, *limits, self._period)
         return filter_forces(position, velocity, wanted, limits, sets, self._period)[0]
 

@@ -20,7 +20,8 @@ def tightened(mission: Mission) -> Fleet:
     """Return the fleet with every bound tightened by what disturbed agents may stray from their plans.
 
     References that keep the tightened bounds keep the true motion within the mission's (tube MPC: Mayne, Seron
-    and Rakovic, 2005): two agents stray towards each other by two tube radii at most.
+    and Rakovic, 2005): two agents stray towards each other by two tube radii at most. Sensing radii are cut, too,
+    so that what a plan covers is covered by whoever strays from it, as far as noisy positions can tell.
 
     Raises
     ------
@@ -31,8 +32,11 @@ def tightened(mission: Mission) -> Fleet:
     radius = tube.position_m
     if radius == 0.0 and tube.input_m_per_s2 == 0.0:
         return fleet
+    # the map counts a cell when the measured position is within rho less the noise
+    blur = radius + 2.0 * mission.spec.disturbance.position_noise_m
     tighter = replace(
         fleet,
+        radius=fleet.radius - blur,
         input_max=fleet.input_max - tube.input_m_per_s2,
         speed_max=fleet.speed_max - tube.velocity_m_per_s,
         separation_min=fleet.separation_min + 2.0 * radius if fleet.separation_min > 0.0 else 0.0,
@@ -51,6 +55,8 @@ def _contradictions(fleet: Fleet, radius: float) -> list[Problem]:
     why = f"leaves no room: with it agents stray up to {radius:.3g} m from their plans"
     if fleet.input_max.min() <= 0.0 or fleet.speed_max.min() <= 0.0:
         problems.append(Problem("disturbance", "too strong", f"{why}, and input or speed is used up"))
+    if fleet.radius[np.isfinite(fleet.radius)].min() <= 0.0:
+        problems.append(Problem("disturbance", "too strong", f"{why}, and nothing is left of a sensing radius"))
     apart = np.linalg.norm(fleet.start[:, None] - fleet.start[None], axis=2)[np.triu_indices(fleet.size, 1)]
     if apart.size and apart.min() < fleet.separation_min:
         right = f"{why}; starts must be {fleet.separation_min:.3g} m apart, the nearest are {apart.min():.3g} m"

@@ -16,12 +16,14 @@ if TYPE_CHECKING:
 class CoverageMap:
     """Marks cells as covered from measured positions, never from planned ones.
 
-    `first` is (J, K) [s]: when each magnitude was first measured on each cell, inf where never.
+    `first` is (J, K) [s]: when each magnitude was first measured on each cell, inf where never. Sensing radii count
+    less `margin_m` [m], by default the noise of the mission's positions: what is marked was truly measured.
     """
 
-    def __init__(self, mission: Mission) -> None:
+    def __init__(self, mission: Mission, margin_m: float | None = None) -> None:
         self._cell = mission.field.cell
-        self._radius = mission.fleet.radius
+        noise_m = mission.spec.disturbance.position_noise_m if margin_m is None else margin_m
+        self._radius = mission.fleet.radius - noise_m if noise_m else mission.fleet.radius
         self.first: FloatArray = np.full((self._radius.shape[1], self._cell.shape[0]), np.inf)
 
     def observe(self, time_s: float, position: FloatArray) -> None:

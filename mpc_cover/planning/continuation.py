@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.coverage.majoriser import Softness
+from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.planning.problem import CoverageProblem
 from mpc_cover.planning.window import Settings
@@ -30,6 +32,10 @@ FEASIBILITY = 2e-4
 SHARPNESS = (1.0, 2.0, 4.0, 8.0, 12.0, 20.0, 40.0)
 """beta times the sensing radius, stage by stage."""
 
+_KICKS, _KICK, _KICKED = 4, 4.0, (8.0, 20.0, 40.0)
+"""What is uncovered weighs so much more, so many times, and the stages that follow."""
+_WORTH_KICKING = 1.0
+"""More than this many sensing radii of cost is no matter of a few cells."""
 _TOLERANCE = {"osqp": 1e-3, "clarabel": 1e-5, "piqp": 1e-5}
 """An inexact QP inside the SQP costs little: the roll-out is exact and the merit judges the step."""
 
@@ -57,12 +63,12 @@ class Refined:
         return self.violation <= FEASIBILITY
 
 
-def softness_at(sharpness: float, radius: float) -> Softness:
+def softness_at(sharpness: float, radius: float, count: int = 6) -> Softness:
     """Return the soft minimum of a stage; `radius` [m] sets the length scale.
 
     The margin 0.7/beta makes up for what the soft minimum lies below the hard one.
     """
-    return Softness(beta=sharpness / radius, margin=max(0.7 / sharpness, 0.02) * radius)
+    return Softness(beta=sharpness / radius, margin=max(0.7 / sharpness, 0.02) * radius, count=count)
 
 
 def length_scale(window: Window) -> float:
@@ -81,11 +87,13 @@ def refine(
     region: float = 1.0,
     deadline: float | None = None,
     exact_cones: bool = False,
+    count: int = 6,
 ) -> Refined:
     """Lower J from the decision vector `x`, stage by stage; anytime: the best feasible motion is returned.
 
-    `iterations` bounds the QPs of a stage; `region` is the first trust radius in sensing radii; `deadline`
-    is on `time.perf_counter`; `exact_cones` needs a back-end that has them. Stops early once everything is covered.
+    `iterations` bounds the QPs of a stage, `count` the samples that a cell looks at; `region` is the first trust
+    radius in sensing radii; `deadline` is on `time.perf_counter`; `exact_cones` needs a back-end that has them.
+    Stops early once everything is covered.
     """
     scale = length_scale(window)
     options = sqp.Options(
@@ -104,7 +112,7 @@ def refine(
             break
         if deadline is not None and time.perf_counter() >= deadline:
             break
-        problem = CoverageProblem(window, Settings(softness_at(value, scale), exact_cones=exact_cones))
+        problem = CoverageProblem(window, Settings(softness_at(value, scale, count), exact_cones=exact_cones))
         result = sqp.solve(problem, current, backend, options, deadline=deadline)
         stages.append(result)
         current = result.x
@@ -112,6 +120,40 @@ def refine(
         if _better(found, best):
             best = found
     return Refined(best.x, best.cost, best.violation, tuple(stages))
+
+
+def refine_thoroughly(
+    window: Window,
+    x: FloatArray,
+    backend: Backend,
+    *,
+    deadline: float | None = None,
+    exact_cones: bool = False,
+) -> Refined:
+    """Lower J from one start in several ways until everything is covered; the best is returned.
+
+    First quickly from a rather sharp minimum, as good starts need no more; then from a very soft one that
+    looks at more samples; then, from the best so far, with what is still uncovered weighing more.
+    """
+    refined = partial(refine, backend=backend, deadline=deadline, exact_cones=exact_cones)
+    best = refined(window, x, sharpness=SHARPNESS[2:], iterations=6)
+    stages = best.stages
+    if best.cost > 0.0 or not best.feasible:
+        again = refined(window, x, iterations=6, count=10)
+        stages += again.stages
+        best = again if _better(again, best) else best
+    weight = window.weight
+    for _ in range(_KICKS):
+        if best.cost == 0.0 or best.cost > _WORTH_KICKING * length_scale(window) or not best.feasible:
+            break
+        position, _velocity = window.motion(best.x)
+        left = still_owed(position, window.cell, window.fleet.radius, window.weight) > 0.0
+        weight = np.where(left, _KICK * weight, weight)
+        kicked = refined(replace(window, weight=weight), best.x, sharpness=_KICKED, iterations=5, region=0.5)
+        stages += kicked.stages
+        last = judge(window, kicked.stages[-1].x if kicked.stages else best.x)
+        best = last if _better(last, best) else best
+    return replace(best, stages=stages)
 
 
 def judge(window: Window, x: FloatArray) -> Refined:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.planning.continuation import SHARPNESS, judge, length_scale, refine
+from mpc_cover.planning.continuation import SHARPNESS, judge, length_scale, refine, refine_thoroughly
 from mpc_cover.planning.guesses import Guess, rest_guess, sweep_guesses, tour_guess
 from mpc_cover.planning.task import Candidate, Task, candidate_of
 
@@ -99,7 +99,7 @@ def _finished(
     *,
     exact_cones: bool,
 ) -> Candidate:
-    """Refine a finalist from where the coarse stages left it, then once more from the start with all stages."""
+    """Refine a finalist from where the coarse stages left it, then thoroughly from the start."""
     guess, coarse = start
     window = task.window(steps)
     refined = partial(refine, window, backend=backend, deadline=deadline, exact_cones=exact_cones)
@@ -108,8 +108,8 @@ def _finished(
     if first.complete or first.cost > _HOPELESS * length_scale(window) or _late(deadline):
         return first
     x = window.exact_ends(task.flown(guess, steps).decision)
-    again = candidate_of(task, steps, refined(x=x, iterations=10), guess.kind)
-    return min(first, again, key=lambda candidate: candidate.rank)
+    thorough = refine_thoroughly(window, x, backend, deadline=deadline, exact_cones=exact_cones)
+    return min(first, candidate_of(task, steps, thorough, guess.kind), key=lambda candidate: candidate.rank)
 
 
 def starts(task: Task, search: Search) -> Iterator[Guess]:

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 PATIENCE_S = 1.0
 """An agent that is awaited must have been heard within this time of the machine's clock [s]."""
 ASLEEP = 2
-"""Whoever missed so many ticks cannot tell at once who else was silent."""
+"""Whoever is so many periods late cannot tell at once who else was silent."""
 MAX_FAILURES = 3
 """Steps in a row that may raise before the fleet regroups."""
 MOVED_M = 1e-4
@@ -128,6 +128,7 @@ class Controller:
 
     def tick(self) -> None:
         """Listen, act according to the phase, and give the heartbeat of a finished tick."""
+        self._asleep = self._clock.now() - self._timeline.due_s >= ASLEEP * self._control.period_s
         self._listen()
         self._obey()
         match self.phase:
@@ -193,7 +194,7 @@ class Controller:
 
     def _plan(self) -> None:
         """Plan thoroughly while everyone is at rest, and take off if all still are."""
-        position, velocity = self.crew.at_rest(self._clock.now())
+        position, velocity = self.crew.at_rest()
         try:
             result = self._helm.prepare(position, velocity)
         except Exception as error:  # noqa: BLE001 - a bug must not end the daemon without a word
@@ -201,7 +202,7 @@ class Controller:
             return
         self._listen()
         missing = self._missing()
-        moved = np.abs(self.crew.at_rest(self._clock.now())[0] - position).max(axis=1) > MOVED_M
+        moved = np.abs(self.crew.at_rest()[0] - position).max(axis=1) > MOVED_M
         if missing or any(moved[index] for index in range(len(moved)) if index not in self.crew.lost_indices):
             self._regroup(missing or "someone moved")
             return
@@ -264,14 +265,12 @@ class Controller:
 
     def _save(self, *, now: bool = False) -> None:
         finished = self.phase is Phase.COMPLETE
-        snapshot = self._survey.snapshot(self.crew.resting_places(self._clock.now()), finished=finished)
+        snapshot = self._survey.snapshot(self.crew.resting_places(), finished=finished)
         if problem := self._journal.save(snapshot, now=now or finished):
             self.heartbeat.events.tell("journal", problem)
 
     def _schedule(self) -> None:
         if self.phase is Phase.FLYING:
-            skipped = self._timeline.next_tick()
-            self.steps.skipped += skipped
-            self._asleep = skipped >= ASLEEP
+            self.steps.skipped += self._timeline.next_tick()
         else:
             self._timeline.next_wait(0.0 if self.phase is Phase.PLANNING else self._control.period_s)

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from mpc_cover.service.dispatch import Dispatch
     from mpc_cover.service.fleet_view import FleetView
 
+FAR_HORIZONS = 3.0
+"""After so many horizons everyone has flown whatever it may have been sent."""
+
 
 class Crew:
     """Judges the agents by their reports, and tells the brain what has changed.
@@ -75,8 +78,9 @@ class Crew:
             return self._who_is_missed(now_s)
         back, gone = self._roll.back(now_s, patience_s), self._roll.gone(now_s)
         if len(self._roll.lost) - len(back) + len(gone) == len(self._ids):
-            self._roll.lost = {}
-            self._share()
+            if self._roll.lost:
+                self._roll.lost = {}
+                self._share()
             return "nobody is heard"
         for index in back:
             del self._roll.lost[index]
@@ -93,13 +97,13 @@ class Crew:
         awaited = self.fleet.awaited(now_s, patience_s)
         return [text for name, text in awaited.items() if name not in self.lost]
 
-    def at_rest(self, now_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return where a fleet at rest is, (m, d) [m], [m/s]: by its plans, as far as it keeps to them."""
+    def at_rest(self) -> tuple[FloatArray, FloatArray]:
+        """Return where a fleet at rest is by its plans, (m, d) [m], [m/s], and where the lost are."""
         links = enumerate(self.fleet.links)
-        return _stacked([self._lost_at(i, now_s) if i in self._roll.lost else link.planned() for i, link in links])
+        return _stacked([self._rest_of(i) if i in self._roll.lost else link.planned() for i, link in links])
 
     def ahead(self, time_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return where everyone will be at `time_s` of the controller's clock: (m, d) [m], [m/s].
+        """Return where everyone will be at `time_s` of the controller's clock, the lost at rest: (m, d) [m], [m/s].
 
         Raises
         ------
@@ -118,26 +122,28 @@ class Crew:
         except UnknownPlanError:
             return False
 
-    def resting_places(self, now_s: float) -> dict[str, list[float]]:
+    def resting_places(self) -> dict[str, list[float]]:
         """Return where the lost come to rest, (d,) [m], for a successor."""
-        return {self._ids[i]: self._lost_at(i, now_s + self._horizon_s)[0].tolist() for i in self._roll.lost}
+        return {self._ids[index]: self._rest_of(index)[0].tolist() for index in self._roll.lost}
 
     def _ahead(self, index: int, time_s: float) -> MotionState:
         if index in self._roll.lost:
-            return self._lost_at(index, time_s)
-        return self._where.ahead(index, self.fleet.links[index], time_s, self._pace.speed_max(index))
+            return self._rest_of(index)
+        link = self.fleet.links[index]
+        return self._where.ahead(index, link, time_s, self._pace.speed_max(index, link))
 
-    def _lost_at(self, index: int, time_s: float) -> MotionState:
-        """Return where someone lost is then: braking since it died, or on along its plan."""
+    def _rest_of(self, index: int) -> MotionState:
+        """Return where someone lost comes to rest: braked when it died, or at the end of its plan."""
         link = self.fleet.links[index]
         if link.state is None:
             return resting(self._rests[index])
+        end_s = link.measured_s() + FAR_HORIZONS * self._horizon_s
         if self._roll.lost[index] is Fate.FLIES_ON:
             try:
-                return self._where.ahead(index, link, time_s, self._pace.speed_max(index))
+                return resting(self._where.ahead(index, link, end_s, self._pace.speed_max(index, link))[0])
             except UnknownPlanError:
                 return resting(link.measured()[0])
-        return self._where.braked(index, link, time_s)
+        return resting(self._where.braked(index, link, end_s)[0])
 
     def _who_is_missed(self, now_s: float) -> str:
         if self.fleet.reborn:

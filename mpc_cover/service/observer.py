@@ -8,6 +8,8 @@ from mpc_cover.service.decoding import RejectedError, decode_event, decode_state
 from mpc_cover.service.keys import Keys
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from mpc_cover.clock import Clock
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.bus import Transport
@@ -45,10 +47,10 @@ class Observer:
                 continue
         return self._events()
 
-    def at_rest(self, patience_s: float) -> bool:
-        """Return whether every agent was heard within `patience_s` and is at rest."""
+    def at_rest(self, patience_s: float, without: Collection[str] = ()) -> bool:
+        """Return whether every agent, `without` some, was heard within `patience_s` and is at rest."""
         now = self._clock.now()
-        known = [self._states.get(name) for name in self._ids]
+        known = [self._states.get(name) for name in self._ids if name not in without]
         return all(entry and now - entry[1] <= patience_s and entry[0].at_rest for entry in known)
 
     def _events(self) -> list[str]:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.fleet_view import AgentLink
+    from mpc_cover.service.messages import State
 
 SHORT = 0.03
 """Part of its limit by which an agent's speed must fall short of its reference's, beyond the tube's."""
@@ -39,26 +40,41 @@ class Pace:
 
     def learn(self, index: int, link: AgentLink) -> bool:
         """Look at the newest two reports of agent number `index`; return whether it is slower than thought."""
-        if not self._disturbed or link.state is None or link.before is None:
+        if link.state is None or link.before is None:
             return False
         limit = float(self._speed_max[index])
-        earlier, now = (float(np.linalg.norm(state.velocity)) for state in (link.before, link.state))
-        reference = link.state.reference_velocity, link.before.reference_velocity
-        asked = min(float(np.linalg.norm(velocity)) if velocity else 0.0 for velocity in reference)
-        behind = np.dot(np.subtract(link.planned()[0], link.measured()[0]), link.planned()[1]) > 0.0
+        now, earlier = _speed(link.state), _speed(link.before)
         held = abs(now - earlier) <= STEADY * limit
-        if not behind or not held or asked - max(now, earlier) <= self._tube_speed + SHORT * limit:
+        if not held or not self._lags(index, link.state) or not self._lags(index, link.before):
             return False
         part = max(SLOWEST, KEPT * max(now, earlier) / limit)
         slower = part < float(self.part[index])
         self.part[index] = min(part, float(self.part[index]))
         return slower
 
-    def speed_max(self, index: int) -> float:
-        """Return what agent number `index` can reach [m/s], inf as long as it has not shown otherwise."""
+    def speed_max(self, index: int, link: AgentLink) -> float:
+        """Return what agent number `index` can reach [m/s] by all that it has shown; inf when that is nothing.
+
+        Whoever lags is not expected to speed up, even before it is certain that it cannot.
+        """
         part = float(self.part[index])
-        return part / KEPT * float(self._speed_max[index]) if part < 1.0 else np.inf
+        if part < 1.0:
+            return part / KEPT * float(self._speed_max[index])
+        return _speed(link.state) if link.state is not None and self._lags(index, link.state) else np.inf
 
     def forget(self, index: int) -> None:
         """Think of agent number `index` as of a new one."""
         self.part[index] = 1.0
+
+    def _lags(self, index: int, state: State) -> bool:
+        """Return whether an agent is behind a reference that is faster."""
+        if not self._disturbed or state.reference_position is None or state.reference_velocity is None:
+            return False
+        asked = float(np.linalg.norm(state.reference_velocity))
+        short = asked - _speed(state) > self._tube_speed + SHORT * float(self._speed_max[index])
+        behind = np.dot(np.subtract(state.reference_position, state.position), state.reference_velocity)
+        return short and float(behind) > 0.0
+
+
+def _speed(state: State) -> float:
+    return float(np.linalg.norm(state.velocity))

@@ -9,11 +9,12 @@ import numpy as np
 
 from mpc_cover.errors import UnreadableFileError
 from mpc_cover.model.sensing import covered_at
-from mpc_cover.service.flight import STANDSTILL
+from mpc_cover.service.flight import STANDSTILL, Plant, Schedule
+from mpc_cover.service.recorder import MemoryRecorder
 from mpc_cover.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.mission.load import Mission
@@ -68,11 +69,27 @@ def motion_of(pieces: Sequence[Piece]) -> Motion:
     )
 
 
-def merge(mission: Mission, records: Sequence[Sequence[Piece]], meta: dict[str, Any]) -> Trajectory:
+def outlived(pieces: Sequence[Piece], input_max: float, until_s: float) -> list[Piece]:
+    """Return the record of an agent that died, up to `until_s` [s].
+
+    Nobody recorded what became of it: its own deadman brakes it, with all its input [m/s^2], from the last state
+    known, and it stays where it comes to rest.
+    """
+    last, rest = pieces[-1], MemoryRecorder()
+    plant = Plant(last.time_s, np.array(last.position), np.array(last.velocity), rest.piece)
+    plant.advance(until_s, Schedule(input_max))
+    rest.mark(plant.time_s, plant.position, plant.velocity)
+    return [*pieces, *rest.pieces]
+
+
+def merge(
+    mission: Mission, records: Sequence[Sequence[Piece]], meta: dict[str, Any], died: Collection[str] = ()
+) -> Trajectory:
     """Return the fleet's trajectory from the agents' records, in the order of the mission's agents.
 
     All records are of one clock. Time 0 is the start of the first plan that was flown; the record ends when
-    everyone is at rest for good, or with the record that ends first.
+    everyone is at rest for good, or with the record that ends first. Those of agents that `died` go on, see
+    `outlived`; since when they are lost is in the trajectory's meta as "lost" [s], by id.
 
     Raises
     ------
@@ -82,7 +99,8 @@ def merge(mission: Mission, records: Sequence[Sequence[Piece]], meta: dict[str, 
     lacking = [name for name, pieces in zip(mission.fleet.ids, records, strict=True) if len(pieces) < 2]  # noqa: PLR2004
     if lacking:
         raise UnreadableFileError(f"no motion was recorded of {', '.join(lacking)}")
-    motions = [motion_of(pieces) for pieces in records]
+    whole, ends = _without_death(mission, records, died)
+    motions = [motion_of(pieces) for pieces in whole]
     first, last = _span(motions)
     if last - first <= MERGE_S:
         raise UnreadableFileError("the agents' records have no time in common")
@@ -99,8 +117,21 @@ def merge(mission: Mission, records: Sequence[Sequence[Piece]], meta: dict[str, 
         covered_at=covered_at(time - first, position, mission.field.cell, mission.fleet.radius),
         agent_id=mission.fleet.ids,
         mission=mission,
-        meta=meta,
+        meta={**meta, "lost": {name: end_s - first for name, end_s in ends.items()}} if ends else meta,
     )
+
+
+def _without_death(
+    mission: Mission, records: Sequence[Sequence[Piece]], died: Collection[str]
+) -> tuple[list[Sequence[Piece]], dict[str, float]]:
+    """Return records that all last as long as those of the living, and when the others ended [s], by id."""
+    ends = {name: pieces[-1].time_s for name, pieces in zip(mission.fleet.ids, records, strict=True)}
+    until_s = min((end_s for name, end_s in ends.items() if name not in died), default=max(ends.values()))
+    whole = [
+        outlived(pieces, float(limit), until_s) if name in died else pieces
+        for name, limit, pieces in zip(mission.fleet.ids, mission.fleet.input_max, records, strict=True)
+    ]
+    return whole, {name: end_s for name, end_s in ends.items() if name in died}
 
 
 def _span(motions: Sequence[Motion]) -> tuple[float, float]:

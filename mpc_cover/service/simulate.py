@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from threading import Event
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mpc_cover import __version__
 from mpc_cover.clock import VirtualClock
 from mpc_cover.service.agent import Agent
@@ -16,7 +18,7 @@ from mpc_cover.service.recorder import MemoryRecorder
 from mpc_cover.service.recording import merge
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.brain import Brain
@@ -28,12 +30,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """What was flown, how long each step took, what was said, and whether everything was covered."""
+    """What was flown, how long each step took, what was said, whether everything was covered, and who was lost."""
 
     trajectory: Trajectory
     steps: list[Step]
     events: list[str]
     complete: bool
+    lost: tuple[str, ...] = ()
 
 
 def simulate(
@@ -43,44 +46,81 @@ def simulate(
     seed: int = 0,
     brain: Brain | None = None,
     channel: Callable[[str, bytes], list[bytes]] | None = None,
+    deaths: Mapping[str, float] | None = None,
     on_tick: Callable[[Status], None] | None = None,
 ) -> Simulation:
     """Fly a mission; the same mission, back-end and seed give the same trajectory to the last bit.
 
     Parameters
     ----------
+    seed : of the brain, and of what disturbs the agents.
     brain : another controller than the receding horizon.
     channel : see `LocalBus`.
+    deaths : at which mission time [s] agents die, as if their processes were killed, by id.
     on_tick : told the controller's status after each of its ticks.
     """
     clock, events = VirtualClock(), list[str]()
     bus = LocalBus(clock, channel)
-    recorders = [MemoryRecorder() for _ in mission.fleet.ids]
-    agents = [
-        Agent(mission, name, bus.join(), clock, instance=f"{name}-simulated", recorder=recorder, say=events.append)
-        for name, recorder in zip(mission.fleet.ids, recorders, strict=True)
-    ]
+    lives = [_Life(mission, name, bus, clock, seed, events.append) for name in mission.fleet.ids]
     brain = brain or make_brain(mission, backend, seed)
     controller = Controller(mission, brain, bus.join(), clock, deadlines=False, say=events.append)
-    _run(clock, agents, controller, on_tick)
+    _run(clock, lives, controller, deaths or {}, on_tick)
     meta = {"kind": "simulate", "version": __version__, "seed": seed, "backend": backend}
-    trajectory = merge(mission, [recorder.pieces for recorder in recorders], meta)
-    return Simulation(trajectory, list(controller.steps.steps), events, controller.exit_status == 0)
+    died = [life.agent.id for life in lives if life.dead]
+    trajectory = merge(mission, [life.recorder.pieces for life in lives], meta, died)
+    complete = controller.exit_status == 0
+    return Simulation(trajectory, list(controller.steps.steps), events, complete, tuple(controller.crew.lost))
+
+
+class _Life:
+    """An agent, and what it leaves behind."""
+
+    def __init__(
+        self, mission: Mission, name: str, bus: LocalBus, clock: VirtualClock, seed: int, say: Callable[[str], None]
+    ) -> None:
+        self.dead = False
+        self.recorder = MemoryRecorder()
+        self._transport = bus.join()
+        self.agent = Agent(
+            mission,
+            name,
+            self._transport,
+            clock,
+            instance=f"{name}-simulated",
+            seed=seed,
+            recorder=self.recorder,
+            say=say,
+        )
+
+    def end(self) -> None:
+        """Die without a word: nothing more is moved, recorded or sent."""
+        self.dead = True
+        self._transport.close()
 
 
 def _run(
-    clock: VirtualClock, agents: list[Agent], controller: Controller, on_tick: Callable[[Status], None] | None
+    clock: VirtualClock,
+    lives: list[_Life],
+    controller: Controller,
+    deaths: Mapping[str, float],
+    on_tick: Callable[[Status], None] | None,
 ) -> None:
     """Tick whoever is due next, agents before the controller at the same instant."""
-    participants: list[Participant] = [*agents, controller]
-    for participant in participants:
+
+    def living() -> list[Participant]:
+        return [*(life.agent for life in lives if not life.dead), controller]
+
+    for participant in living():
         participant.startup()
     never = Event()
     while not controller.done:
-        due = min(participants, key=lambda participant: participant.next_time)
+        due = min(living(), key=lambda participant: participant.next_time)
         clock.wait_until(due.next_time, never)
         due.tick()
+        for life in lives:
+            if not life.dead and controller.mission_time_s >= deaths.get(life.agent.id, np.inf):
+                life.end()
         if due is controller and on_tick and controller.heartbeat.status:
             on_tick(controller.heartbeat.status)
-    for participant in participants:
+    for participant in living():
         participant.shutdown()

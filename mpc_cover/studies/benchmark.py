@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import os
 import platform
 from dataclasses import dataclass
@@ -149,10 +150,24 @@ def as_dict(mission: Mission, races: list[Race], limit_s: float) -> dict[str, An
                 "J_m": race_.before.cost,
                 "covered_percent": race_.before.covered_percent,
                 "peers": [row.to_dict() for row in rows_of(race_)],
-                "history": {curve.name: {"time_s": curve.time_s, "J_m": curve.cost_m} for curve in curves_of(race_)},
+                "history": {run.name: _history(run) for run in race_.runs},
             }
             for race_ in races
         ],
+    }
+
+
+def _history(run: Run) -> dict[str, list[float | None]]:
+    """Return all iterates, feasible or not: when, J, and the worst violation at the samples and along the path."""
+
+    def column(values: list[float]) -> list[float | None]:
+        return [float(f"{value:.6g}") if math.isfinite(value) else None for value in values]
+
+    return {
+        "time_s": column([time_s for time_s, _ in run.seen]),
+        "J_m": column([verdict.cost for _, verdict in run.seen]),
+        "violation_sampled": column([verdict.sampled for _, verdict in run.seen]),
+        "violation_path": column([verdict.path for _, verdict in run.seen]),
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 from contextlib import closing
 from typing import TYPE_CHECKING, Any, Protocol, Self
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 CONNECT_S = 10.0
 """How long to wait for a cluster [s]."""
+_KEPT = "what is finished is kept, and the same command goes on from there"
 
 
 class Crew(Protocol):
@@ -75,10 +77,8 @@ class LocalCrew:
             with closing(parallel(tasks)) as records:
                 yield from records
         except TerminatedWorkerError:
-            raise UserError(
-                "a process of the study was killed, perhaps for want of memory: what is finished is kept, "
-                "and the same command goes on from there; --jobs with a smaller number needs less"
-            ) from None
+            why = "a process of the study was killed, perhaps for want of memory, of which fewer --jobs need less"
+            raise UserError(f"{why}: {_KEPT}") from None
 
 
 def _undisturbed(fly: Fly, run: Run) -> Record:
@@ -104,9 +104,15 @@ class DaskCrew:
         """
         try:
             import distributed  # noqa: PLC0415 - an extra
+            from distributed.comm import connect  # noqa: PLC0415 - likewise
         except ImportError:
             raise UserError("--dask: Dask is not installed: pip install 'mpc-cover[dask]'") from None
+
+        async def knock() -> None:  # a client that finds nobody ends noisily
+            await (await connect(self._address, timeout=self._timeout_s)).close()
+
         try:
+            asyncio.run(knock())
             self._client = distributed.Client(self._address, timeout=self._timeout_s, set_as_default=False)
         except (OSError, ValueError, TimeoutError, TypeError) as error:
             said = " ".join(str(error).split())
@@ -120,12 +126,20 @@ class DaskCrew:
         self._client.close()
 
     def fly(self, runs: Sequence[Run], fly: Fly) -> Generator[Record]:
-        """Fly the runs; one that the cluster loses comes back as one that broke off."""
+        """Fly the runs; one that the cluster loses comes back as one that broke off.
+
+        Raises
+        ------
+        UserError
+            The whole cluster is lost.
+        """
         import distributed  # noqa: PLC0415 - an extra
 
         waiting = {self._client.submit(fly, run, pure=False): run for run in runs}
         try:
-            for future in distributed.as_completed(list(waiting)):
+            for future in distributed.as_completed(list(waiting), loop=self._client.loop):
+                if future.cancelled():
+                    raise UserError(f"--dask {self._address}: the cluster went away: {_KEPT}")
                 run, error = waiting.pop(future), future.exception()
                 yield future.result() if error is None else failed(run, error)
         finally:

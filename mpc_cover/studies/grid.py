@@ -79,7 +79,7 @@ def runs_of(grid: Grid) -> Work:
         controller_of(run.controller).make(run.build(), run.backend or BACKEND, run.seed)
     if grid.starts == "random":
         for mission, seed in product(missions, range(1, grid.seeds)):
-            random_starts(mission.fleet, seed)
+            random_starts(mission, seed)
     runs = [replace(run, seed=seed) for seed in range(grid.seeds) for run in first]
     return Work(runs, dict(zip(names, map(mission_hash, missions), strict=True)), _remarks(grid, missions))
 

@@ -6,11 +6,9 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mpc_cover.control.fallback import Rung, brake_plan
+from mpc_cover.control.fallback import Rung
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
-    from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
 
 
@@ -29,9 +27,3 @@ def stepped(begun: float, deadline: float | None, plan: Plan, reason: str, rung:
     """Return the step that began at `begun` on `time.perf_counter`, as `deadline` is."""
     now = time.perf_counter()
     return Step(plan, rung, reason, now - begun, deadline is not None and now > deadline)
-
-
-def stopping_plan(mission: Mission, position: FloatArray, velocity: FloatArray, start_time: float, steps: int) -> Plan:
-    """Return the plan that brakes straight from the (m, d) state [m], [m/s], at least `steps` long."""
-    period = mission.spec.control.period_s
-    return brake_plan(position, velocity, mission.fleet, start_time, period, steps)

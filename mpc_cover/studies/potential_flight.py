@@ -8,17 +8,19 @@ what is sent is one force followed by braking, which the filter has made room fo
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.control.escape import Escape
-from mpc_cover.control.fallback import Rung, brake, plan_from_velocities
-from mpc_cover.control.potential import Coordination, CoverageShape
+from mpc_cover.control.fallback import Rung, brake, brake_plan, plan_from_velocities
+from mpc_cover.control.potential import CoverageShape, coordination_of
 from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw, random_signal
+from mpc_cover.control.readiness import tightened
 from mpc_cover.errors import UserError
 from mpc_cover.information.coverage_map import CoverageMap
-from mpc_cover.studies.outcome import Step, stepped, stopping_plan
+from mpc_cover.studies.outcome import Step, stepped
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -44,18 +46,17 @@ class PotentialBrain:
     """
 
     def __init__(self, mission: Mission, seed: int) -> None:
-        fleet, self._period = mission.fleet, mission.spec.control.period_s
-        self._mission = mission
+        fleet = self._fleet = tightened(mission)
+        self._period = mission.spec.control.period_s
+        self._value, self._cell = mission.field.weight, mission.field.cell
         self.coverage = CoverageMap(mission)
         self._rng = np.random.default_rng(seed)
         order = self._rng.permutation(mission.field.size)
         patience = max(2.0, _PATIENCE_S / self._period)
+        self._able = fleet.speed_max
         self._escapes = [Escape(order, patience) for _ in fleet.ids]
-        core = 0.25 * float(np.where(np.isfinite(fleet.radius), fleet.radius, np.inf).min())
-        bounds = Bounds(fleet.speed_max, fleet.input_max, fleet.motion_min, fleet.motion_max)
-        parameters = LawParameters(CoverageShape(core_m=core))
         try:
-            self._law = PotentialLaw(mission.field.cell, bounds, _coordination(fleet), parameters, self._period)
+            self._law = _law_of(fleet, mission.field.cell, self._period)
         except ValueError as error:
             raise UserError(f"--controllers potential: mission {mission.spec.name}: {error}") from None
 
@@ -67,31 +68,34 @@ class PotentialBrain:
         """Return the law's force for a period from the (m, d) state at `start_time`, then braking."""
         begun = time.perf_counter()
         if self.coverage.complete:
-            stop = stopping_plan(self._mission, position, velocity, start_time, 1)
+            stop = brake_plan(position, velocity, self._fleet, start_time, self._period, 1)
             return stepped(begun, deadline, stop, "all is covered", Rung.REST)
         kept = self._law.kept_edges(position, velocity)
-        for one, two in self._mission.fleet.links:
+        for one, two in self._fleet.links:
             kept[one, two] = kept[two, one] = True
         signal = random_signal(self._rng, *position.shape)
         wish = self._law.wish(position, self._weight(), kept, signal)
         after = velocity + self._period * self._law.force(position, velocity, wish, kept)
-        later = np.concatenate([after[None], brake(after, self._mission.fleet, self._period)])
+        later = np.concatenate([after[None], brake(after, self._fleet, self._period)])
         plan = plan_from_velocities(position, velocity, later, start_time, self._period)
         return stepped(begun, deadline, plan, "down the potential")
 
+    def limit_speed(self, index: int, part: float) -> None:
+        """Ask agent number `index` for this part of its speed at most."""
+        speed = self._fleet.speed_max.copy()
+        speed[index] = part * self._able[index]
+        self._fleet = replace(self._fleet, speed_max=speed)
+        self._law = _law_of(self._fleet, self._cell, self._period)
+
     def _weight(self) -> FloatArray:
         """Return gamma (m, K): what each agent can measure and is owed, and one cell of it if that takes too long."""
-        able = np.isfinite(self._mission.fleet.radius).astype(float)
-        weight = able @ (self.coverage.owed * self._mission.field.weight)
+        able = np.isfinite(self._fleet.radius).astype(float)
+        weight = able @ (self.coverage.owed * self._value)
         return np.array([escape.attend(own) for escape, own in zip(self._escapes, weight, strict=True)])
 
 
-def _coordination(fleet: Fleet) -> Coordination:
-    """Return the bounds, with potentials (6.1, 6.5) that begin at twice rho_B and at 0.8 rho_C."""
-    least, reach = fleet.separation_min, fleet.communication_range
-    return Coordination(
-        separation_m=least,
-        repel_within_m=min(2.0 * least, reach),
-        range_m=reach,
-        attract_beyond_m=0.8 * reach if np.isfinite(reach) else np.inf,
-    )
+def _law_of(fleet: Fleet, cell: FloatArray, period: float) -> PotentialLaw:
+    """Return the law; cells attract from beyond a quarter of the smallest radius."""
+    core = 0.25 * float(np.where(np.isfinite(fleet.radius), fleet.radius, np.inf).min())
+    bounds = Bounds(fleet.speed_max, fleet.input_max, fleet.motion_min, fleet.motion_max)
+    return PotentialLaw(cell, bounds, coordination_of(fleet), LawParameters(CoverageShape(core_m=core)), period)

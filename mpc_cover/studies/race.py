@@ -33,6 +33,8 @@ START_S = 30.0
 GRACE_S = 5.0
 """What a peer may be silent for after its time is up; then it is stopped."""
 
+END_S = 0.5
+"""What a process may take to end by itself, so that its exit status is its own."""
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Libraries of dense algebra read these once, when they are loaded."""
@@ -113,6 +115,7 @@ def race(
         try:
             _listen(run, receiving, limit_s, told)
         finally:
+            process.join(END_S)
             process.kill()
             process.join()
             receiving.close()
@@ -130,7 +133,7 @@ def _listen(run: Run, receiving: Connection, limit_s: float, told: Callable[[Run
             return
         try:
             message = receiving.recv()
-        except EOFError:
+        except (EOFError, OSError):
             return
         run.take(message)
         patience = time.monotonic() + max(0.0, limit_s - run.time_s) + GRACE_S

@@ -80,8 +80,8 @@ class Run:
         return build_mission(raw, self._what(control["horizon_steps"]))
 
     def _draw_starts(self, raw: dict[str, Any]) -> None:
-        fleet = mission_from_json(self.mission, f"mission {self.name}").fleet
-        for agent, start in zip(raw["fleet"]["agents"], random_starts(fleet, self.seed).tolist(), strict=True):
+        mission = mission_from_json(self.mission, f"mission {self.name}")
+        for agent, start in zip(raw["fleet"]["agents"], random_starts(mission, self.seed).tolist(), strict=True):
             agent["start_m"] = start
 
     def _what(self, steps: int) -> str:

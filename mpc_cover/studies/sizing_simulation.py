@@ -104,7 +104,7 @@ def coverage_curves(
     return [coverage_curve(problem, agents, seeds, duration) for agents in counts]
 
 
-def main() -> None:
+def main(seeds: range = range(10)) -> None:
     """Print the table for 100 m^2, 1 m and 1.5 m/s, and what the simulations say."""
     problem = SizingProblem(area_m2=100.0, radius_m=1.0, speed_m_per_s=1.5)
     lines = [f"{problem}"]
@@ -112,7 +112,7 @@ def main() -> None:
         f"  {row.agents:3d} agents: {row.rate_hz:.4f} Hz, a round takes {row.round_s:6.2f} s; at rest {row.at_rest:.1%}"
         for row in sizing_table(problem, (1, 2, 3, 5, 8, 10, 15, 20))
     ]
-    for curve in coverage_curves(problem):
+    for curve in coverage_curves(problem, seeds=seeds):
         lines.append(
             f"  {curve.agents:3d} simulated: {curve.rate_hz:.4f} Hz, a round {curve.rounds_s.mean():6.2f} s; "
             f"the model's mean absolute error {curve.error.mean_absolute:.3f}, largest {curve.error.largest:.3f}"

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.errors import UserError
+from mpc_cover.model.tube import tube_of
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.mission.load import Mission
 
 _STREAM = 0x57A7
 """Keeps these draws apart from other uses of the same seed."""
 _PROPOSALS = 200
 """Places proposed for an agent before all are drawn anew."""
-_ATTEMPTS = 200
+_ATTEMPTS = 50
 _ROOM = 0.02
 """Part of the gap between rho_B and rho_C that starts keep from either: no fleet starts on the brink."""
 
 
-def random_starts(fleet: Fleet, seed: int) -> FloatArray:
+def random_starts(mission: Mission, seed: int) -> FloatArray:
     """Return (m, d) starts [m] in the motion box, at least rho_B apart, connected within rho_C, links included.
+
+    Where the mission is disturbed, they are so by what agents may stray from their plans (`model.tube`).
 
     Rejection sampling, agent by agent: the first is uniform in the box; each other one is uniform in the part
     of the box within rho_C of an agent drawn from those placed (a cube about it), and is proposed again until it
@@ -34,6 +39,7 @@ def random_starts(fleet: Fleet, seed: int) -> FloatArray:
     UserError
         The box has no room for the fleet, or too little to be found.
     """
+    fleet = _with_room(mission)
     rng = np.random.default_rng((seed, _STREAM))
     for _ in range(_ATTEMPTS):
         placed = np.empty((0, fleet.dimension))
@@ -49,11 +55,25 @@ def random_starts(fleet: Fleet, seed: int) -> FloatArray:
     )
 
 
+def _with_room(mission: Mission) -> Fleet:
+    """Return the fleet with bounds on places that leave room to stray, whatever its own starts."""
+    fleet, radius = mission.fleet, tube_of(mission).position_m
+    return replace(
+        fleet,
+        separation_min=fleet.separation_min + 2.0 * radius if fleet.separation_min > 0.0 else 0.0,
+        communication_range=fleet.communication_range - 2.0 * radius,
+        motion_min=fleet.motion_min + radius,
+        motion_max=fleet.motion_max - radius,
+    )
+
+
 def _find_place(fleet: Fleet, placed: FloatArray, rng: np.random.Generator) -> FloatArray | None:
     """Return a place (d,) for the next agent, or None if none of the proposals will do."""
     agent = len(placed)
     linked = [min(pair) for pair in fleet.links if max(pair) == agent]
     near = linked or list(range(agent))
+    if (fleet.motion_min > fleet.motion_max).any():
+        return None
     for _ in range(_PROPOSALS):
         low, high = fleet.motion_min, fleet.motion_max
         if near and np.isfinite(fleet.communication_range):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.control.escape import Escape
-from mpc_cover.control.potential import Coordination
+from mpc_cover.control.potential import coordination_of
 from mpc_cover.control.potential_law import Bounds, PotentialLaw, random_signal
 from mpc_cover.information.ageing import AgeingMap
 from mpc_cover.studies.swarm_knowledge import Knowledge
@@ -66,9 +66,7 @@ class _Motion:
         self._double = parameters.dynamics == "double"
         self.position, self.velocity = fleet.start.copy(), np.zeros_like(fleet.start)
         self._period = parameters.period_s
-        coordination = Coordination(
-            fleet.separation_min, parameters.repel_within_m, fleet.communication_range, parameters.attract_beyond_m
-        )
+        coordination = coordination_of(fleet, parameters.repel_within_m, parameters.attract_beyond_m)
         force = fleet.input_max if self._double else None
         bounds = Bounds(fleet.speed_max, force, fleet.motion_min, fleet.motion_max)
         self._law = PotentialLaw(field.cell, bounds, coordination, parameters.law, parameters.period_s)

@@ -62,7 +62,7 @@ class SwarmParameters:
     law : tuning of the potential law.
     dynamics : single integrators (5.1), or double integrators within the fleet's u_max and v_max (3.1).
     period_s : T_s.
-    repel_within_m, attract_beyond_m : R_B and R_C; rho_B and rho_C are the fleet's.
+    repel_within_m, attract_beyond_m : R_B and R_C; left out, 2 rho_B and 8/11 rho_C of the fleet, as in 6.3.
     patience_s : time without news after which an agent attends to one cell (`control.escape`).
     time_limit_s : when to give up.
     maps_every : samples between recorded maps; 0 records none.
@@ -73,8 +73,8 @@ class SwarmParameters:
     law: LawParameters = field(default_factory=LawParameters)
     dynamics: Literal["single", "double"] = "single"
     period_s: float = 0.5
-    repel_within_m: float = 1.0
-    attract_beyond_m: float = 4.0
+    repel_within_m: float | None = None
+    attract_beyond_m: float | None = None
     patience_s: float = 10.0
     time_limit_s: float = 600.0
     maps_every: int = 0

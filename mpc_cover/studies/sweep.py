@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.control.fallback import Rung, plan_from_velocities
+from mpc_cover.control.fallback import Rung, brake_plan, plan_from_velocities
+from mpc_cover.control.readiness import tightened
 from mpc_cover.information.coverage_map import CoverageMap
 from mpc_cover.planning.follow import follow
 from mpc_cover.planning.lanes import cut_lanes, snake, swath_of
-from mpc_cover.studies.outcome import Step, stepped, stopping_plan
+from mpc_cover.studies.outcome import Step, stepped
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
@@ -52,9 +53,8 @@ class SweepBrain:
     """
 
     def __init__(self, mission: Mission) -> None:
-        self._mission = mission
         self._period = mission.spec.control.period_s
-        fleet = self._fleet = _off_the_walls(mission.fleet, self._period)
+        fleet = self._fleet = self._able = _off_the_walls(tightened(mission), self._period)
         self._cell = np.clip(mission.field.cell, fleet.motion_min, fleet.motion_max)
         self._capture = 0.5 * fleet.speed_max**2 / fleet.input_max
         braking = np.ceil((fleet.speed_max / (fleet.input_max * self._period)).max())
@@ -75,11 +75,17 @@ class SweepBrain:
         """Return the plan towards everyone's next waypoints from the (m, d) state at `start_time`."""
         return self._onward(time.perf_counter(), position, velocity, start_time, deadline)
 
+    def limit_speed(self, index: int, part: float) -> None:
+        """Ask agent number `index` for this part of its speed at most; the strips stay as they are."""
+        speed = self._fleet.speed_max.copy()
+        speed[index] = part * self._able.speed_max[index]
+        self._fleet = replace(self._fleet, speed_max=speed)
+
     def _onward(
         self, begun: float, position: FloatArray, velocity: FloatArray, start_time: float, deadline: float | None
     ) -> Step:
         if self.coverage.complete:
-            stop = stopping_plan(self._mission, position, velocity, start_time, self._steps)
+            stop = brake_plan(position, velocity, self._fleet, start_time, self._period, self._steps)
             return stepped(begun, deadline, stop, "all is covered", Rung.REST)
         paths = [self._ahead(agent, position[agent], velocity[agent]) for agent in range(len(position))]
         motion = follow(paths, position, velocity, self._fleet, self._period, steps=self._steps)

@@ -106,6 +106,7 @@ class Group:
             "violations": self.violations,
             "runs_with_violations": self.violators,
             "step_p99_ms": known(self.step_p99_ms),
+            "worst_prepare_s": max(record.prepare_s or 0.0 for record in self.records),
             "misses": self.misses,
             "shifted": sum(record.shifted for record in self.records),
             "braked": sum(record.braked for record in self.records),

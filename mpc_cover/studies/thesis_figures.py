@@ -52,6 +52,7 @@ def draw_figures(folder: str | Path, seed: int = SEED, only: tuple[str, ...] = (
                 save_figure(figure, target / f"figure-{name}.png")
                 for chapter in (_sizing, _free, _constrained)
                 for name, figure in chapter(seed, only)
+                if _wanted(only, name)
             ]
     except OSError as error:
         raise UserError(f"figures: cannot write to {target}: {error.strerror or error}") from None

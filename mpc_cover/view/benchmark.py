@@ -145,7 +145,8 @@ def draw_history(curves: Sequence[Curve], title: str, file: Path) -> Path:
         axes.set_title(title)
         axes.set_xlabel("time [s]")
         axes.set_ylabel("least J so far [m]")
-        figure.legend(loc="outside right upper", fontsize=9.5)
+        if curves:
+            figure.legend(loc="outside right upper", fontsize=9.5)
         return save_figure(figure, file)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -68,7 +69,10 @@ def _figures(
     yield "overview.png", draw_overview(trajectory, step_times, report)
     yield "map.png", _single(lambda axes: draw_map(axes, trajectory), 7.5, 7.2)
     for index, name in _magnitudes(trajectory):
-        yield f"map-{name}.png", _single(partial(draw_map, trajectory=trajectory, magnitude=index), 7.5, 7.2)
+        yield (
+            f"map-{re.sub('[^A-Za-z0-9_.]+', '-', name)}.png",
+            _single(partial(draw_map, trajectory=trajectory, magnitude=index), 7.5, 7.2),
+        )
     for name, draw in _panels(trajectory, step_times).items():
         yield f"{name}.png", _single(draw, 8.6, 4.4)
 
@@ -86,6 +90,10 @@ def _panels(trajectory: Trajectory, step_times: FloatArray | None) -> dict[str, 
         period = trajectory.mission.spec.control.period_s
         panels["steps"] = lambda axes: draw_step_times(axes, step_times, period)
     return panels
+
+
+_MAPS = 4
+"""Magnitudes that the overview has room for; each has a picture of its own as well."""
 
 
 def _magnitudes(trajectory: Trajectory) -> list[tuple[int, str]]:
@@ -107,7 +115,7 @@ def _single(draw: Draw, width: float, height: float) -> Figure:
 
 def draw_overview(trajectory: Trajectory, step_times: FloatArray | None, report: Report | None) -> Figure:
     """Draw all panels in one picture: the map on the left, what changes over time on the right."""
-    magnitudes = _magnitudes(trajectory)
+    magnitudes = _magnitudes(trajectory)[:_MAPS]
     figure = new_figure(14.0, 12.4 if magnitudes else 7.9)
     top: FigureBase = figure
     if magnitudes:

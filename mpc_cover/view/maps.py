@@ -56,11 +56,13 @@ def draw_map(axes: Axes, trajectory: Trajectory, magnitude: int | None = None) -
 
 def _title(trajectory: Trajectory, magnitude: int | None) -> str:
     names = trajectory.mission.fleet.magnitudes
-    what = "Coverage" if magnitude is None else f"Coverage of {names[magnitude]}"
-    several = magnitude is None and len(names) > 1
+    if magnitude is not None:
+        name = names[magnitude]
+        return name[:1].upper() + name[1:] if name.startswith("coverage") else f"Coverage of {name}"
+    several = len(names) > 1
     dark = f"the darker, the more of {len(names)} magnitudes owed" if several else "dark: never measured"
     flat = "; projected to x-y" if trajectory.mission.fleet.dimension > 2 else ""  # noqa: PLR2004 - space
-    return f"{what} ({dark}{flat})"
+    return f"Coverage ({dark}{flat})"
 
 
 def _owed(trajectory: Trajectory, magnitude: int | None) -> FloatArray:

@@ -82,7 +82,7 @@ def draw_coverage(mission: str, series: Sequence[Series]) -> Figure:
         axes.plot(time, middle, color=colour, linewidth=2.2)
         _draw_bound(axes, one)
         axes.set_title(one.label)
-        _note(axes, f"99 %: {_time(_median(one.time_99))} median\n{_time(one.time_99.max())} worst\n{_runs(one)}")
+        _note(axes, f"99 %: median {_time(_median(one.time_99))}\nworst {_time(one.time_99.max())}\n{_runs(one)}")
     for axes in grid[len(series) - columns : len(series)]:
         axes.tick_params(labelbottom=True)  # nothing stands below
     for axes in grid[len(series) :]:
@@ -109,10 +109,7 @@ def draw_times(axes: Axes, series: Sequence[Series]) -> None:
             text = f"{never} of {len(series[index].time_99)}\nnever"
             style: Any = {"color": LIMIT, "fontsize": 9.0, "path_effects": outlined(2.5)}
             axes.text(place[index], 0.99, text, transform=axes.get_xaxis_transform(), ha="center", va="top", **style)
-    if (bound := series[0].bound_s) is not None:
-        draw_limit(axes, bound, f"swath bound {bound:.1f} s", QUIET)
-    highest = max((float(times.max()) for times in reached if times.size), default=1.0)
-    axes.set_ylim(0.0, 1.2 * highest)
+    _set_times(axes, series[0].bound_s, np.concatenate(reached))
     _name_places(axes, series)
     axes.set_ylabel("time to 99 % [s]")
 
@@ -152,10 +149,8 @@ def draw_front(axes: Axes, series: Sequence[Series]) -> None:
     if points:
         axes.step(*np.array(pareto_front(points)).T, where="post", color=QUIET, linewidth=1.4, linestyle=(0, (6, 2)))
         axes.legend(loc="best")
-    if (bound := series[0].bound_s) is not None:
-        draw_limit(axes, bound, f"swath bound {bound:.1f} s", QUIET)
-    axes.margins(0.25, 0.2)
-    axes.set_ylim(bottom=0.0)
+    _set_times(axes, series[0].bound_s, np.array([time for _, time in points]))
+    axes.margins(x=0.25)
     axes.set_xscale("log")
     _plain_numbers(axes.xaxis)
     axes.set_xlabel("step time p99 [ms]")
@@ -191,8 +186,16 @@ def _by_mission(missions: Mapping[str, Sequence[Series]], draw: Draw) -> Figure:
 
 def _last_time(series: Sequence[Series]) -> float:
     """Return when the slowest of the medians reached its last level, and a little more [s]."""
-    ends = [float(np.median(one.curve, axis=0)[np.isfinite(np.median(one.curve, axis=0))].max()) for one in series]
-    return 1.08 * max([*ends, 1.0])
+    middle = np.array([np.median(one.curve, axis=0) for one in series])
+    return 1.08 * float(middle[np.isfinite(middle)].max(initial=1.0))
+
+
+def _set_times(axes: Axes, bound_s: float | None, times: FloatArray) -> None:
+    """Let the times [s] fit on the y axis, from 0, and the swath bound with them."""
+    highest = max(float(times.max(initial=0.0)), bound_s or 1.0)
+    axes.set_ylim(0.0, 1.2 * highest)
+    if bound_s is not None:
+        draw_limit(axes, bound_s, f"swath bound {bound_s:.1f} s", QUIET)
 
 
 def _draw_bound(axes: Axes, one: Series) -> None:

@@ -106,7 +106,7 @@ def test_the_path_of_a_step_lies_between_its_bezier_points(seed):
     assert np.linalg.norm(q + 0.5 * PERIOD * v - ball.centre) <= ball.radius[0] + 1e-12
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6))
 def test_an_agent_needs_those_only_that_it_hears(seed):
     rng = np.random.default_rng(seed)

@@ -36,7 +36,7 @@ class FakeResult:
     deadline_missed: bool = False
 
 
-def small_mission(height=4.0, **control) -> Mission:
+def small_mission(height=4.0, *, disturbance=None, reach=3.0, **control) -> Mission:
     """Two agents side by side at the lower edge of an area 3 m wide that one sweep upwards covers."""
     raw = {
         "schema": 1,
@@ -46,9 +46,10 @@ def small_mission(height=4.0, **control) -> Mission:
             "defaults": {"sensing_radius_m": 1.0, "input_max_m_per_s2": 1.0, "speed_max_m_per_s": 1.0},
             "agents": [{"id": "a1", "start_m": [0.75, 0.5]}, {"id": "a2", "start_m": [2.25, 0.5]}],
             "separation_min_m": 0.5,
-            "communication_range_m": 3.0,
+            "communication_range_m": reach,
         },
         "control": {"period_s": 0.5, "horizon_steps": 8, "planning_time_s": 1.0, **control},
+        "disturbance": disturbance or {},
     }
     return build_mission(raw, "small")
 
@@ -112,6 +113,21 @@ class SweepBrain:
         return force if inside else None
 
 
+class SharingBrain(SweepBrain):
+    """A sweep that is told who is lost and who is slow; plans for the lost are never sent."""
+
+    def __init__(self, mission: Mission, goal_y: float = 3.5) -> None:
+        super().__init__(mission, goal_y)
+        self.lost: list[list[bool]] = []
+        self.parts: list[tuple[int, float]] = []
+
+    def set_lost(self, lost):
+        self.lost.append(lost.tolist())
+
+    def limit_speed(self, index, part):
+        self.parts.append((index, part))
+
+
 class Bench:
     """A clock, a bus, and ticks of whoever takes part, each when it is due."""
 
@@ -121,25 +137,33 @@ class Bench:
         self.bus = LocalBus(self.clock, channel)
         self.keys = Keys(mission.spec.name)
         self.agents: list[Agent] = []
+        self.transports = {}
         self.records: dict[str, MemoryRecorder] = {}
         self.said: list[str] = []
         self._ears = {}
         self._never = Event()
 
-    def agent(self, name="a1", *, instance=None, clock=None) -> Agent:
+    def agent(self, name="a1", *, instance=None, clock=None, seed=0) -> Agent:
         self.records[name] = MemoryRecorder()
+        self.transports[name] = self.bus.join()
         agent = Agent(
             self.mission,
             name,
-            self.bus.join(),
+            self.transports[name],
             clock or self.clock,
             instance=instance or f"{name}-life",
+            seed=seed,
             recorder=self.records[name],
             say=self.said.append,
         )
         agent.startup()
         self.agents.append(agent)
         return agent
+
+    def kill(self, agent: Agent) -> None:
+        """End an agent as SIGKILL would: its token goes, and nothing more comes."""
+        self.agents.remove(agent)
+        self.transports[agent.id].close()
 
     def controller(self, brain, **options) -> Controller:
         options = {"deadlines": False, "say": self.said.append, **options}

@@ -136,12 +136,58 @@ def test_a_killed_demo_takes_its_children_along(start):
     until(lambda: not any(alive(pid) for pid in pids.values()))
 
 
-def test_a_dead_agent_ends_the_demo(start):
-    demo = start(small_mission(height=9.0))
-    demo.wait_for("controller: flying")
+def test_the_others_finish_without_a_dead_agent(start):
+    demo = start(small_mission(height=6.0, reach=20.0), "--speed", "4")
+    demo.wait_for("a2: flies for controller")
     os.kill(demo.pids()["a2"], signal.SIGKILL)
-    summary = demo.end(1)
-    assert summary["outcome"] == "a2 died"
+    summary = demo.end(0)
+    assert summary["outcome"] == "everything is covered without a2"
+    assert summary["covered_percent"] == 100.0
+    assert "a2 died (exit status -9)" in demo.said
+    assert "controller: a2 is lost: its work is shared out" in demo.said
+    assert json.loads((demo.folder / "summary.json").read_text())["lost"] == ["a2"]
+    trajectory = load_trajectory(demo.folder / "trajectory.npz")
+    assert check_trajectory(trajectory).holds
+    assert list(trajectory.meta["lost"]) == ["a2"]
+    assert not trajectory.velocity[-1, 1].any()
+
+
+@pytest.mark.parametrize("moment", ["processes: ", pytest.param("plans thoroughly", marks=pytest.mark.slow)])
+def test_an_agent_that_dies_before_the_start_ends_the_demo(start, moment):
+    demo = start(small_mission(height=9.0, planning_time_s=3.0))
+    demo.wait_for(moment)
+    os.kill(demo.pids()["a2"], signal.SIGKILL)
+    assert demo.end(1)["outcome"] == "a2 died"
+
+
+def test_when_all_agents_die_the_demo_ends(start):
+    demo = start(small_mission(height=9.0))
+    demo.wait_for("a2: flies for controller")
+    for name in ("a1", "a2"):
+        os.kill(demo.pids()[name], signal.SIGKILL)
+    assert demo.end(1)["outcome"] == "a1, a2 died"
+    assert holds(demo.folder)
+
+
+@pytest.mark.slow
+def test_a_hung_agent_is_done_without_until_it_comes_back(start):
+    demo = start(small_mission(height=9.0, reach=20.0, horizon_steps=6), "--speed", "2")
+    demo.wait_for("a2: flies for controller")
+    pid = demo.pids()["a2"]
+    os.kill(pid, signal.SIGSTOP)
+    demo.wait_for("a2 is lost")
+    os.kill(pid, signal.SIGCONT)
+    demo.wait_for("a2 is back")
+    summary = demo.end(0)
+    assert summary["outcome"] == "everything is covered"
+    assert holds(demo.folder)
+
+
+@pytest.mark.slow
+def test_disturbed_agents_keep_every_limit(start):
+    disturbance = {"position_noise_m": 0.01, "input_noise_m_per_s2": 0.02, "wind_m_per_s2": [0.03, 0.0], "delay_s": 0.2}
+    demo = start(small_mission(height=6.0, disturbance=disturbance), "--speed", "2")
+    assert demo.end(0)["covered_percent"] == 100.0
     assert holds(demo.folder)
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from mpc_cover.mission.load import build_mission
+from mpc_cover.studies.case import start_from
 
 START = [[0.5, 0.5], [1.5, 0.5]]
 LIMITS = {"sensing_radius_m": 0.8, "input_max_m_per_s2": 1.5, "speed_max_m_per_s": 1.5}
@@ -42,3 +45,22 @@ def closed_mission():
 def far_sighted_mission():
     """Return one in which everything is seen from the start."""
     return small_mission(defaults={**LIMITS, "sensing_radius_m": 5.0})
+
+
+def two_magnitudes():
+    """Return agents that measure different things with different radii."""
+    agents = [
+        {"id": "a1", "start_m": [0.5, 0.5], "sensing_radius_m": {"wind": 0.8, "heat": 0.5}},
+        {"id": "a2", "start_m": [1.5, 0.5], "sensing_radius_m": {"heat": 1.0}},
+    ]
+    spec = small_mission().spec.model_dump(by_alias=True, exclude_none=True)
+    spec["magnitudes"], spec["fleet"]["agents"] = ["wind", "heat"], agents
+    del spec["fleet"]["defaults"]["sensing_radius_m"]
+    return build_mission(spec, "two magnitudes")
+
+
+def wiggled(case, seed=0):
+    """Return a decision vector that is nobody's optimum: the sweep with noise on its velocities, ends as asked."""
+    rng = np.random.default_rng(seed)
+    x = start_from(case, "boustrophedon")
+    return case.window.exact_ends(x + 0.05 * rng.standard_normal(x.size))

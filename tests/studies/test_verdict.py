@@ -62,7 +62,9 @@ def test_limits_are_violations_at_samples_and_on_the_path():
     assert found.worst.startswith("box")
 
 
-@pytest.mark.parametrize(("mission", "words"), [(ended_mission, "end position"), (closed_mission, "closed in position")])
+@pytest.mark.parametrize(
+    ("mission", "words"), [(ended_mission, "end position"), (closed_mission, "closed in position")]
+)
 def test_the_end_that_a_mission_asks_for_is_judged(mission, words):
     case = make_case(mission())
     velocity = np.zeros((case.window.steps + 1, 2, 2))

@@ -1,9 +1,8 @@
 """CasADi and IPOPT: what a researcher would write today, as well as we know how to.
 
-Chosen by measuring on box-3 from both guesses: MUMPS (it comes along), monotone barrier (the adaptive one was no
-faster), tolerance 1e-4 on the optimality of a function that is itself an approximation, 1e-6 on constraints.
-IPOPT's own multipliers are not handed from stage to stage: its warm start needs an initial barrier that fits,
-and none we tried was faster.
+Chosen by measuring on box-3 from both guesses: MUMPS (it comes along), monotone barrier (neither the adaptive one,
+nor a smaller one to begin later stages with, nor a longer memory of L-BFGS was faster), tolerance 1e-4 on the
+optimality of a function that is itself an approximation, 1e-6 on constraints.
 """
 
 from __future__ import annotations

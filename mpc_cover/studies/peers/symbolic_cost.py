@@ -1,7 +1,7 @@
 """J (4.34) as CasADi expressions, for solvers that differentiate by themselves.
 
-Written as a few operations on whole (cells, samples) matrices, which CasADi evaluates an order of magnitude
-faster than a graph of scalars: the same transcription cell by cell made IPOPT ten times slower.
+Written as a few operations on whole (cells, samples) matrices: on box-3 CasADi evaluates the gradient in 2 ms, a
+sixth of what it takes with a graph of scalars mapped over the cells.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def soft_hessian(parts: list[Excess], beta: Any, margin: Any, points: int) -> An
 
     With e_n = ||q_n - p|| - rho, r_n the unit vector, w the softmax and s the sigmoid of beta level:
     sum gamma s (beta (1 - s) + beta) g g' + blocks of gamma s w ((I - r r') / d - beta r r'),  g = (w_n r_n).
-    CasADi's own differentiation takes one sweep a column, twenty times as long.
+    CasADi's own differentiation takes a sweep for each column: nine times as long on box-3.
     """
     total = cs.MX(0.0)
     for part in parts:

@@ -3,8 +3,8 @@
 Inputs are eliminated, u(n) = (v(n+1) - v(n)) / T_s, as in our own QPs. Compared on box-3 with IPOPT, the
 condensed form took twice as long. The constraints are those of the thesis at the samples, with the margins
 of `asked_of_peers`. The edges of (4.20) are the minimum spanning trees of the motion that a solve starts from,
-sample by sample, chosen anew before each stage: smooth rows, of which IPOPT made more than of the exact longest
-edge (a minimum over paths of maxima), which has kinks where the tree changes.
+sample by sample, chosen anew before each stage: smooth rows, that grow with the square of the fleet. With the exact
+longest edge instead (a minimum over paths of maxima, with kinks where the tree changes) IPOPT ended no better.
 """
 
 from __future__ import annotations

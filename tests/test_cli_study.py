@@ -1,0 +1,92 @@
+"""`mpc-cover study`: what it prints, its exit status, and that a mistake is one message and exit status 2."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from mpc_cover import cli
+
+TINY = {
+    "schema": 1,
+    "name": "tiny",
+    "area": {"shape": {"kind": "box", "min_m": [0.0, 0.0], "max_m": [3.0, 3.0]}, "cell_size_m": 0.5},
+    "fleet": {
+        "defaults": {"sensing_radius_m": 0.7, "input_max_m_per_s2": 1.0, "speed_max_m_per_s": 1.0},
+        "agents": [{"id": "a1", "start_m": [0.75, 0.5]}, {"id": "a2", "start_m": [2.25, 0.5]}],
+        "separation_min_m": 0.4,
+        "communication_range_m": 3.0,
+    },
+}
+
+
+@pytest.fixture
+def run(capsys, monkeypatch, tmp_path):
+    """Return a function that runs a study in a folder with a mission: exit status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.yaml").write_text(yaml.safe_dump(TINY))
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["mpc-cover", "study", "horizon", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return ended.value.code or 0, *capsys.readouterr()
+
+    return run
+
+
+def test_a_study_prints_a_table_and_leaves_its_results(run):
+    status, out, _ = run("tiny.yaml", "--controllers", "sweep,potential", "--seeds", 1, "--jobs", 1, "--out", "s")
+    assert status == 0
+    assert "2 runs; results in s" in out
+    assert "tiny: swath bound 2.1 s" in out
+    assert "mpc-cover study horizon tiny.yaml --controllers sweep,potential" in Path("s/report.html").read_text()
+    assert len(Path("s/runs.csv").read_text().splitlines()) == 3
+
+
+def test_json_is_all_there_is_on_stdout(run):
+    arguments = ("tiny.yaml", "--horizons", "6,4s", "--seeds", 1, "--jobs", 1, "--out", "s", "--json")
+    status, out, err = run(*arguments, "--starts", "mission")
+    data = json.loads(out)
+    assert status == 0
+    assert data["folder"] == "s"
+    assert (data["wanted"], data["finished"], data["interrupted"]) == (2, 2, False)
+    assert [(group["horizon_steps"], group["horizon_s"]) for group in data["groups"]] == [(6, 3.0), (8, 4.0)]
+    assert all(group["complete_percent"] == 100.0 and group["violations"] == 0 for group in data["groups"])
+    assert "swath bound" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--seeds", 0], "--seeds 0: must be at least 1"),
+        (["--horizons", ""], "--horizons: is empty"),
+        (["--horizons", "2"], "control.horizon_steps: 2: must be at least 4: agent 0 brakes in 2 steps"),
+        (["--periods", "x"], "--periods x: must be numbers of seconds"),
+        (["--periods", ","], "--periods: is empty"),
+        (["--controllers", "pid"], "--controllers pid: is none"),
+        (["--backends", "piqp,qp"], "--backends qp: is none"),
+        (["--starts", "here"], "--starts here: must be one of random, mission"),
+        (["--dask", "tcp://127.0.0.1:1", "--jobs", 2], "--jobs and --dask are both given"),
+        (["--dask", "nowhere"], "--dask"),
+    ],
+)
+def test_a_mistake_is_one_message_and_nothing_is_written(run, arguments, message):
+    status, out, err = run("tiny.yaml", "--out", "s", *arguments)
+    assert status == 2
+    assert not out
+    assert err.startswith("mpc-cover: ")
+    assert message in err
+    assert "Traceback" not in err
+    assert not Path("s").exists()
+
+
+def test_a_folder_of_something_else_is_refused(run):
+    Path("s").mkdir()
+    Path("s/notes.txt").write_text("mine")
+    status, _, err = run("tiny.yaml", "--out", "s", "--controllers", "sweep", "--seeds", 1)
+    assert status == 2
+    assert "--out s: is not empty and not a study of mpc-cover" in err
+    assert [file.name for file in Path("s").iterdir()] == ["notes.txt"]
