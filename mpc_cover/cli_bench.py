@@ -39,18 +39,22 @@ def planner(
         str | None, typer.Option("--peers", metavar="NAME,...", help="Only these; a wrong name lists all there are.")
     ] = None,
     time_limit: Annotated[float, typer.Option("--time-limit", help="Seconds that each may solve.")] = 60.0,
+    cpu_time: Annotated[
+        bool, typer.Option("--cpu-time", help="Measure processor time, on a machine with other work to do.")
+    ] = False,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for bench.json, bench.csv and figures.")] = None,
     as_json: Json = False,
 ) -> None:
     """Solve a mission with our planner and with general-purpose solvers, each judged by the same verifier."""
     from mpc_cover.mission.load import load_mission  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.studies import benchmark  # noqa: PLC0415
+    from mpc_cover.studies.race import Limit  # noqa: PLC0415
     from mpc_cover.studies.verdict import TOLERANCE  # noqa: PLC0415
     from mpc_cover.view.benchmark import print_benchmark  # noqa: PLC0415
 
     if not math.isfinite(time_limit) or time_limit <= 0.0:
         raise UserError(f"--time-limit {time_limit:g}: must be a number of seconds greater than 0")
-    loaded, console = load_mission(mission), _console(as_json)
+    loaded, console, limit = load_mission(mission), _console(as_json), Limit(time_limit, cpu_time)
     if out is not None:
         benchmark.check_folder(out)
     with console.status("starting") as status:
@@ -59,16 +63,16 @@ def planner(
             best = f"J = {run.best.verdict.cost:.4g} m" if run.best is not None else "no iterate yet"
             status.update(f"from {name}: {run.name}, {run.time_s:.1f} s, {best}")
 
-        races = benchmark.run_benchmark(loaded, guess, peers, time_limit, told)
+        races = benchmark.run_benchmark(loaded, guess, peers, limit, told)
     for race in races:
         before = f"guess: J = {race.before.cost:.4g} m, {race.before.covered_percent:.2f} % covered"
         title = f"{loaded.spec.name} from {race.guess} ({before}); violations up to {TOLERANCE:g} are forgiven"
         print_benchmark(benchmark.rows_of(race), title, console)
     if out is not None:
-        for file in benchmark.write_benchmark(out, loaded, races, time_limit):
+        for file in benchmark.write_benchmark(out, loaded, races, limit):
             console.print(str(file), highlight=False, markup=False, soft_wrap=True)
     if as_json:
-        _print_json(benchmark.as_dict(loaded, races, time_limit))
+        _print_json(benchmark.as_dict(loaded, races, limit))
 
 
 @app.command()

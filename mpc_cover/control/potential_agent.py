@@ -186,7 +186,7 @@ class PotentialAgent(Generic[M]):
         kept[np.ix_(heard, heard)] = self._law_for(rows[heard]).kept_edges(position[heard], velocity[heard])
         me = int(np.flatnonzero(rows == self._index)[0])
         weight = np.zeros((len(rows), self._field.size))
-        weight[me] = self._escape.attend(self._able @ self.known.residual)
+        weight[me] = self._escape.attend(self._field.weight * (self._able @ self.known.residual))
         wish = law.wish(position, weight, kept, random_signal(self._rng, len(rows), self._fleet.dimension))
         doubt = np.where(heard, 0.0, self._parameters.lost_margin_m)
         return np.asarray(law.force(position, velocity, wish, kept, doubt)[me])

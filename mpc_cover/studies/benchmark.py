@@ -17,7 +17,7 @@ from mpc_cover import __version__
 from mpc_cover.errors import UserError
 from mpc_cover.studies.case import GUESSES, make_case, start_from
 from mpc_cover.studies.peers.registry import OURS, chosen
-from mpc_cover.studies.race import Run, race
+from mpc_cover.studies.race import Limit, Run, race
 from mpc_cover.studies.verdict import TOLERANCE, judge
 from mpc_cover.view.benchmark import Curve, Row, draw_history
 
@@ -56,7 +56,7 @@ def guesses_of(name: str) -> tuple[str, ...]:
 
 
 def run_benchmark(
-    mission: Mission, guess: str, peers: str | None, limit_s: float, told: Callable[[str, Run], None]
+    mission: Mission, guess: str, peers: str | None, limit: Limit, told: Callable[[str, Run], None]
 ) -> list[Race]:
     """Let the peers of a comma-separated list (None: all) solve the mission from a guess, or from all of them.
 
@@ -72,7 +72,7 @@ def run_benchmark(
     races = []
     for name in names:
         x = start_from(case, name)
-        runs = [race(entry.name, mission, x, limit_s, partial(told, name)) for entry in entries]
+        runs = [race(entry.name, mission, x, limit, partial(told, name)) for entry in entries]
         races.append(Race(name, judge(case, x), tuple(runs)))
     return races
 
@@ -97,7 +97,7 @@ def curves_of(race_: Race) -> list[Curve]:
     return curves
 
 
-def write_benchmark(folder: Path, mission: Mission, races: list[Race], limit_s: float) -> list[Path]:
+def write_benchmark(folder: Path, mission: Mission, races: list[Race], limit: Limit) -> list[Path]:
     """Write bench.json, bench.csv and a figure for each guess.
 
     Raises
@@ -105,7 +105,7 @@ def write_benchmark(folder: Path, mission: Mission, races: list[Race], limit_s: 
     UserError
         The folder cannot be written.
     """
-    report = as_dict(mission, races, limit_s)
+    report = as_dict(mission, races, limit)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         files = [folder / "bench.json", folder / "bench.csv"]
@@ -135,11 +135,12 @@ def check_folder(folder: Path) -> None:
         raise UserError(f"--out {folder}: cannot be written: {error.strerror or error}") from None
 
 
-def as_dict(mission: Mission, races: list[Race], limit_s: float) -> dict[str, Any]:
+def as_dict(mission: Mission, races: list[Race], limit: Limit) -> dict[str, Any]:
     """Return everything as plain data for `--json` and bench.json; what is not finite becomes None."""
     return {
         "mission": mission.spec.name,
-        "time_limit_s": limit_s,
+        "time_limit_s": limit.seconds,
+        "clock": "processor" if limit.cpu_time else "wall",
         "tolerance": TOLERANCE,
         "version": __version__,
         "machine": {"system": platform.platform(), "python": platform.python_version(), "cores": os.cpu_count()},

@@ -33,6 +33,8 @@ START_S = 30.0
 GRACE_S = 5.0
 """What a peer may be silent for after its time is up; then it is stopped."""
 
+PATIENCE = 10.0
+"""How much longer than on the processor something may take by the wall, on a machine with other work."""
 END_S = 0.5
 """What a process may take to end by itself, so that its exit status is its own."""
 
@@ -95,9 +97,25 @@ class Run:
             self.flyable = sighting
 
 
-def race(
-    name: str, mission: Mission, x: FloatArray, limit_s: float, told: Callable[[Run], None] = lambda _: None
-) -> Run:
+@dataclass(frozen=True)
+class Limit:
+    """What a peer may take to solve [s], by the wall or, on a machine with other work, of processor time."""
+
+    seconds: float
+    cpu_time: bool = False
+
+    @property
+    def clock(self) -> Callable[[], float]:
+        """The clock on which it is measured; each peer keeps to one thread."""
+        return time.process_time if self.cpu_time else time.perf_counter
+
+    def wall_s(self, spent_s: float) -> float:
+        """Return what may pass by the wall until it is reached, once so much is spent."""
+        left = max(0.0, self.seconds - spent_s)
+        return PATIENCE * left if self.cpu_time else left
+
+
+def race(name: str, mission: Mission, x: FloatArray, limit: Limit, told: Callable[[Run], None] = lambda _: None) -> Run:
     """Let a peer solve a mission's case from the decision vector `x`; never raises on account of the peer.
 
     `told` is called as iterates come in.
@@ -107,13 +125,13 @@ def race(
         log = Path(folder) / "log"
         context = get_context("spawn")
         receiving, sending = context.Pipe(duplex=False)
-        arguments = (sending, name, mission.to_json(), x, limit_s, str(log))
+        arguments = (sending, name, mission.to_json(), x, limit, str(log))
         process = context.Process(target=compete, args=arguments, daemon=True)
         with _one_thread():
             process.start()
         sending.close()
         try:
-            _listen(run, receiving, limit_s, told)
+            _listen(run, receiving, limit, told)
         finally:
             process.join(END_S)
             process.kill()
@@ -124,39 +142,39 @@ def race(
     return run
 
 
-def _listen(run: Run, receiving: Connection, limit_s: float, told: Callable[[Run], None]) -> None:
+def _listen(run: Run, receiving: Connection, limit: Limit, told: Callable[[Run], None]) -> None:
     """Take in messages until the peer has answered, died, or been silent for too long."""
-    patience = time.monotonic() + limit_s + START_S
+    patience = time.monotonic() + limit.wall_s(0.0) + START_S
     while not (run.answered or run.status):
         if not receiving.poll(max(0.0, patience - time.monotonic())):
-            run.status, run.time_s = "stopped: it did not heed the time limit", max(run.time_s, limit_s)
+            run.status, run.time_s = "stopped: it did not heed the time limit", max(run.time_s, limit.seconds)
             return
         try:
             message = receiving.recv()
         except (EOFError, OSError):
             return
         run.take(message)
-        patience = time.monotonic() + max(0.0, limit_s - run.time_s) + GRACE_S
+        patience = time.monotonic() + limit.wall_s(run.time_s) + GRACE_S
         told(run)
 
 
-def compete(connection: Connection, name: str, mission: str, x: FloatArray, limit_s: float, log: str) -> None:
+def compete(connection: Connection, name: str, mission: str, x: FloatArray, limit: Limit, log: str) -> None:
     """Be the process of one peer; native chatter goes to the file `log`."""
     target = os.open(log, os.O_WRONLY | os.O_CREAT, 0o600)
     os.dup2(target, 1)
     os.dup2(target, 2)
-    connection.send(solved(name, mission, x, limit_s, connection.send))
+    connection.send(solved(name, mission, x, limit, connection.send))
     connection.close()
 
 
 def solved(
-    name: str, mission: str, x: FloatArray, limit_s: float, tell: Callable[[float | Sighting], None]
+    name: str, mission: str, x: FloatArray, limit: Limit, tell: Callable[[float | Sighting], None]
 ) -> Answer | Failure:
     """Let a peer solve, whatever becomes of it."""
     try:
         peer = PEERS[name].load()
         case = make_case(mission_from_json(mission, "the benchmark's mission"))
-        return peer(case, x, Watch(case, limit_s, tell))
+        return peer(case, x, Watch(case, limit.seconds, tell, limit.clock))
     except ModuleNotFoundError as error:
         remedy = OPTIONAL.get(error.name or "")
         return Failure(f"not installed: {remedy}" if remedy else f"failed: {error}")

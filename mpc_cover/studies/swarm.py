@@ -75,17 +75,22 @@ class _Motion:
         patience = parameters.patience_s / parameters.period_s
         self._escape = [Escape(order, patience) for _ in fleet.ids]
         self._connected = np.isfinite(fleet.communication_range)
+        self._value, self._links = field.weight, fleet.links
 
     def kept(self) -> BoolArray:
         """Return (m, m): edges that agent i (row) keeps from here on."""
         if not self._connected:
             return np.zeros((len(self.position),) * 2, dtype=bool)
-        return self._law.kept_edges(self.position, self.velocity)
+        kept = self._law.kept_edges(self.position, self.velocity)
+        for one, two in self._links:  # 4.19
+            kept[one, two] = kept[two, one] = True
+        return kept
 
     def move(self, weight: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:
         """Go one step by (m, K) gamma; return the velocities that it began with and the inputs held, each (m, d)."""
         here, begun = self.position, self.velocity
-        gamma = np.array([escape.attend(row) for escape, row in zip(self._escape, weight, strict=True)])
+        weighed = weight * self._value
+        gamma = np.array([escape.attend(row) for escape, row in zip(self._escape, weighed, strict=True)])
         wish = self._law.wish(here, gamma, kept, random_signal(self._signal, *here.shape))
         if not self._double:
             self.position = self._law.step(here, wish, kept)

@@ -66,7 +66,7 @@ class Watch:
     case : what is solved.
     limit_s : time for solving.
     report : told the seconds that setting up took, once solving begins, and then each iterate.
-    clock : monotonic seconds.
+    clock : monotonic seconds, of the wall or of this process's processor.
     """
 
     def __init__(
@@ -94,8 +94,8 @@ class Watch:
 
     @property
     def deadline(self) -> float:
-        """When the time will be up, on the clock; judging postpones it."""
-        return self._origin + self._limit_s
+        """When the time will be up, on `time.perf_counter`, whatever the watch's own clock; judging postpones it."""
+        return time.perf_counter() + self._limit_s - self.elapsed_s
 
     @property
     def enough(self) -> bool:

@@ -30,10 +30,11 @@ def journal(folder, mission, **options):
 
 
 def test_what_is_kept_is_found(folder, mission):
-    kept = snapshot(mission, 7.25, origins={"a1-life": 93.5})
+    kept = snapshot(mission, 7.25, origins={"a1-life": 93.5}, lost={"a2": [1.25, 0.5]})
     assert journal(folder, mission).save(kept, now=True) is None
     found, text = journal(folder, mission).load()
     assert (found.mission_time_s, found.finished, found.origins) == (7.25, False, {"a1-life": 93.5})
+    assert found.lost == {"a2": [1.25, 0.5]}
     np.testing.assert_array_equal(found.first, kept.first)
     assert "goes on from the checkpoint at mission time 7.2 s" in text or "7.3 s" in text
 

@@ -152,6 +152,26 @@ def test_a_state_of_another_dimension_is_rejected(field, vector):
 
 
 @pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"reference_position": [0.0, 1.0]}, Reason.SHAPE),
+        ({"reference_velocity": [0.0, 1.0]}, Reason.SHAPE),
+        ({"reference_position": [0.0], "reference_velocity": [0.0, 1.0]}, Reason.SHAPE),
+        ({"reference_position": [0.0, 1.0], "reference_velocity": [0.0, "x"]}, Reason.MALFORMED),
+    ],
+)
+def test_a_reference_has_two_parts_of_the_right_shape(fields, why):
+    assert reason(lambda data: decoding.decode_state(data, 2), changed(STATE, **fields)) is why
+
+
+def test_a_state_with_a_reference_comes_back():
+    state = msgspec.structs.replace(STATE, reference_position=[1.0, 2.1], reference_velocity=[0.0, 0.2])
+    assert decoding.decode_state(encode(state), 2) == state
+    raw = encode(state).replace(b"2.1", b"1e999")
+    assert reason(lambda data: decoding.decode_state(data, 2), raw) in (Reason.NOT_FINITE, Reason.MALFORMED)
+
+
+@pytest.mark.parametrize(
     "fields",
     [
         {"period_s": 0.0},

@@ -53,6 +53,26 @@ def test_a_record_that_ends_early_ends_the_trajectory(mission, flown):
     assert trajectory.velocity[-1].any()
 
 
+@pytest.mark.parametrize("known", ["a report", "a torn line"])
+def test_whoever_died_is_braked_from_its_last_state_and_the_rest_is_flown(mission, flown, known):
+    cut = next(index for index, piece in enumerate(flown[1]) if piece.time_s > 101.0)
+    dead = flown[1][: cut + (1 if known == "a report" else 0)]
+    trajectory = merge(mission, [flown[0], dead], {}, died=["a2"])
+    assert trajectory.meta["lost"] == {"a2": pytest.approx(dead[-1].time_s - 100.5)}
+    assert trajectory.time[-1] > 1.9
+    assert check_trajectory(trajectory).holds
+    speed = np.linalg.norm(dead[-1].velocity)
+    stopped = np.array(dead[-1].position) + [0.0, 0.5 * speed**2]
+    np.testing.assert_allclose(trajectory.position[-1, 1], stopped, atol=1e-6)
+    assert np.abs(trajectory.input).max() == pytest.approx(1.0)
+
+
+def test_when_all_died_the_record_ends_with_the_last_of_them(mission, flown):
+    trajectory = merge(mission, [flown[0][:9], flown[1][:12]], {}, died=["a1", "a2"])
+    assert trajectory.time[-1] == pytest.approx(max(flown[0][8].time_s, flown[1][11].time_s) - 100.5)
+    assert check_trajectory(trajectory).holds
+
+
 def test_nobody_flew(mission, bench):
     agents = [bench.agent("a1"), bench.agent("a2")]
     bench.run(seconds=1.0)

@@ -23,7 +23,7 @@ from mpc_cover.studies.benchmark import (
     write_benchmark,
 )
 from mpc_cover.studies.case import make_case, start_from
-from mpc_cover.studies.race import Failure, Run
+from mpc_cover.studies.race import Failure, Limit, Run
 from mpc_cover.studies.verdict import judge
 from mpc_cover.studies.watch import Answer, Sighting
 
@@ -75,10 +75,10 @@ def test_curves_go_down(race):
 
 
 def test_files_hold_what_the_table_shows(race, mission, tmp_path):
-    files = write_benchmark(tmp_path / "new", mission, [race], 7.0)
+    files = write_benchmark(tmp_path / "new", mission, [race], Limit(7.0))
     assert [file.name for file in files] == ["bench.json", "bench.csv", "bench-rest.png"]
     report = json.loads(files[0].read_text())
-    assert report == as_dict(mission, [race], 7.0)
+    assert report == as_dict(mission, [race], Limit(7.0))
     assert [row["name"] for row in report["guesses"][0]["peers"]] == ["ours-piqp", "slsqp", "ipopt-min"]
     history = report["guesses"][0]["history"]["slsqp"]
     assert history["time_s"] == [0.0, 3.0]
@@ -95,7 +95,7 @@ def test_a_folder_that_cannot_be_written_is_found_out_first(race, mission, tmp_p
     with pytest.raises(UserError, match="cannot be written"):
         check_folder(tmp_path / "file")
     with pytest.raises(UserError, match="cannot be written"):
-        write_benchmark(tmp_path / "file", mission, [race], 7.0)
+        write_benchmark(tmp_path / "file", mission, [race], Limit(7.0))
 
 
 def test_guesses_by_name():
@@ -107,7 +107,7 @@ def test_guesses_by_name():
 
 def test_everyone_gets_the_same_guess(mission):
     told = []
-    races = run_benchmark(mission, "all", "ours-piqp", 30.0, lambda guess, run: told.append((guess, run.name)))
+    races = run_benchmark(mission, "all", "ours-piqp", Limit(30.0), lambda guess, run: told.append((guess, run.name)))
     assert [race.guess for race in races] == ["boustrophedon", "rest"]
     for race in races:
         assert race.runs[0].seen[0][1] == race.before
@@ -122,11 +122,23 @@ def file(mission, tmp_path):
 
 
 def test_the_command_prints_a_table_and_json(file, tmp_path):
-    arguments = ["bench", "planner", file, "--guess", "rest", "--peers", "ours-piqp", "--json", "--out", str(tmp_path)]
+    arguments = [
+        "bench",
+        "planner",
+        file,
+        "--guess",
+        "rest",
+        "--peers",
+        "ours-piqp",
+        "--cpu-time",
+        "--json",
+        "--out",
+        str(tmp_path),
+    ]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
     report = json.loads(result.stdout)
-    assert report["mission"] == "small"
+    assert (report["mission"], report["clock"]) == ("small", "processor")
     assert report["guesses"][0]["peers"][0]["cost_m"] < report["guesses"][0]["J_m"]
     assert "ours-piqp" in result.stderr
     assert {"bench.json", "bench.csv", "bench-rest.png"} <= {each.name for each in tmp_path.iterdir()}

@@ -13,7 +13,7 @@ from bench_missions import small_mission
 from mpc_cover.studies import race as race_module
 from mpc_cover.studies.case import make_case, start_from
 from mpc_cover.studies.peers.registry import PEERS, Entry
-from mpc_cover.studies.race import Failure, Run, race, solved
+from mpc_cover.studies.race import Failure, Limit, Run, race, solved
 from mpc_cover.studies.verdict import judge
 from mpc_cover.studies.watch import Answer, Sighting
 
@@ -24,14 +24,14 @@ def problem():
     return mission, start_from(make_case(mission), "boustrophedon")
 
 
-def die(connection, name, mission, x, limit_s, log):
+def die(connection, name, mission, x, limit, log):
     """Crash as native code does, with a last word."""
     with open(log, "w", encoding="utf-8") as file:
         file.write("terrible\nthings happened\n")
     os._exit(7)
 
 
-def hang(connection, name, mission, x, limit_s, log):
+def hang(connection, name, mission, x, limit, log):
     """Heed nothing."""
     connection.send(0.5)
     threading.Event().wait()
@@ -40,7 +40,7 @@ def hang(connection, name, mission, x, limit_s, log):
 def test_a_peer_runs_in_a_process_of_its_own(problem):
     mission, x = problem
     told = []
-    run = race("ours-piqp", mission, x, 60.0, lambda run: told.append(len(run.seen)))
+    run = race("ours-piqp", mission, x, Limit(60.0), lambda run: told.append(len(run.seen)))
     assert run.answered
     assert run.iterations > 0
     assert told[-1] == len(run.seen) > 1
@@ -50,7 +50,7 @@ def test_a_peer_runs_in_a_process_of_its_own(problem):
 
 def test_a_crash_is_a_row_with_the_last_words(problem, monkeypatch):
     monkeypatch.setattr(race_module, "compete", die)
-    run = race("ours-piqp", *problem, 60.0)
+    run = race("ours-piqp", *problem, Limit(60.0))
     assert run.status == "died (exit status 7): things happened"
     assert not run.answered
     assert run.best is None
@@ -59,7 +59,7 @@ def test_a_crash_is_a_row_with_the_last_words(problem, monkeypatch):
 def test_whoever_hangs_is_stopped(problem, monkeypatch):
     monkeypatch.setattr(race_module, "compete", hang)
     monkeypatch.setattr(race_module, "GRACE_S", 0.05)
-    run = race("ours-piqp", *problem, 0.05)
+    run = race("ours-piqp", *problem, Limit(0.05))
     assert run.status.startswith("stopped")
     assert run.setup_s == 0.5
 
@@ -91,7 +91,7 @@ class Broken(Entry):
 def test_a_peer_that_fails_says_why(problem, monkeypatch, error, words):
     monkeypatch.setitem(PEERS, "broken", Broken("broken", "", "", "", {"error": error}))
     mission, x = problem
-    found = solved("broken", mission.to_json(), x, 1.0, lambda _: None)
+    found = solved("broken", mission.to_json(), x, Limit(1.0), lambda _: None)
     assert found == Failure(words)
 
 
@@ -113,3 +113,15 @@ def test_the_iterate_that_counts_holds_at_the_samples_and_costs_least(problem):
     assert run.status == "gave up"
     run.take(Answer(x, 4, "fine", 9.0))
     assert (run.time_s, run.iterations, run.answered) == (9.0, 4, True)
+
+
+def test_on_a_busy_machine_processor_time_counts_and_the_wall_may_take_longer(problem):
+    by_wall, by_processor = Limit(10.0), Limit(10.0, cpu_time=True)
+    assert by_wall.wall_s(4.0) == 6.0
+    assert by_processor.wall_s(4.0) > by_wall.wall_s(4.0)
+    assert by_processor.wall_s(11.0) == 0.0
+    mission, x = problem
+    told = []
+    answer = solved("ours-piqp", mission.to_json(), x, Limit(60.0, cpu_time=True), told.append)
+    assert answer.time_s > 0.0
+    assert len(told) > 2

@@ -101,6 +101,15 @@ def test_a_fleet_that_measures_two_things():
     assert record.covered
 
 
+def test_links_of_a_mission_are_always_kept():
+    scenario = small(LookInformation(1), 0)
+    fleet, field = scenario.build(np.random.default_rng(0))
+    start = np.array([[1.0 + i, 1.0] for i in range(5)])
+    record = fly(replace(fleet, start=start, links=((0, 3),)), field, scenario.swarm, 0)
+    assert record.covered
+    assert np.linalg.norm(record.position[:, 0] - record.position[:, 3], axis=1).max() <= 4.0
+
+
 def test_three_dimensions():
     scenario = Scenario(
         SwarmParameters(LookInformation(1), dynamics="double", time_limit_s=200.0),
@@ -153,7 +162,7 @@ def test_a_tug_of_war_is_ended_by_attending_to_one_cell():
 def test_a_saddle_is_left_by_the_random_signal():
     """5.17: one agent amid two cells that pull alike."""
     field = Scenario(size_m=(6.5, 0.5)).build(np.random.default_rng(0))[1]
-    ends = replace(field, cell=field.cell[[0, -1]])
+    ends = replace(field, cell=field.cell[[0, -1]], weight=np.ones(2))
     fleet = Fleet(
         ids=("a1",),
         start=np.array([[3.25, 0.25]]),
