@@ -10,15 +10,14 @@ then. Missed ticks are skipped; the agents fly on along their plans, which end a
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from mpc_cover.service.commands import CommandDesk
 from mpc_cover.service.crew import Crew
 from mpc_cover.service.dispatch import Dispatch, UnknownPlanError
 from mpc_cover.service.heartbeat import Heartbeat
-from mpc_cover.service.helm import Helm
+from mpc_cover.service.helm import Budget, Helm
 from mpc_cover.service.journal import NoJournal
 from mpc_cover.service.keys import Keys
 from mpc_cover.service.messages import Phase
@@ -41,8 +40,6 @@ ASLEEP = 2
 """Whoever is so many periods late cannot tell at once who else was silent."""
 MAX_FAILURES = 3
 """Steps in a row that may raise before the fleet regroups."""
-MOVED_M = 1e-4
-"""Whoever moved further than this during the planning was not at rest [m]."""
 
 
 class Controller:
@@ -91,20 +88,11 @@ class Controller:
         self.fleet = self._survey.fleet
         dispatch, tell = Dispatch(mission, transport, epoch, identity), self.heartbeat.events.tell
         self.crew = Crew(mission, self.fleet, dispatch, brain, resume.lost if resume else {}, tell)
-        self._helm = Helm(
-            mission,
-            brain,
-            dispatch,
-            self._timeline,
-            clock,
-            self.steps,
-            speed=speed,
-            deadlines=deadlines,
-            tell=tell,
-        )
+        budget = Budget(self._control, speed, deadlines)
+        self._helm = Helm(brain, dispatch, self._timeline, clock, self.steps, budget, tell)
         self._patience = max(PATIENCE_S * speed, 3.0 * self._control.state_period_s)
         self._flown = self._asleep = False
-        self._complete_s = np.inf
+        self._complete_s = math.inf
 
     @property
     def next_time(self) -> float:
@@ -202,8 +190,7 @@ class Controller:
             return
         self._listen()
         missing = self._missing()
-        moved = np.abs(self.crew.at_rest()[0] - position).max(axis=1) > MOVED_M
-        if missing or any(moved[index] for index in range(len(moved)) if index not in self.crew.lost_indices):
+        if missing or self.crew.moved_from(position):
             self._regroup(missing or "someone moved")
             return
         self._helm.take_off(result, self.crew)
@@ -258,9 +245,8 @@ class Controller:
     # what a tick leaves behind
 
     def _beat(self) -> None:
-        self.heartbeat.beat(
-            self.phase, self._timeline.now(), self.brain.coverage, self.steps, self.fleet, self.crew.lost
-        )
+        now, coverage = self._timeline.now(), self.brain.coverage
+        self.heartbeat.beat(self.phase, now, coverage, self.steps, self.fleet, self.crew.lost)
         self._desk.answer(self.phase)
 
     def _save(self, *, now: bool = False) -> None:

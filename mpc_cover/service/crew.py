@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from mpc_cover.service.dispatch import Dispatch
     from mpc_cover.service.fleet_view import FleetView
 
+MOVED_M = 1e-4
+"""Whoever moved further than this during the planning was not at rest [m]."""
 FAR_HORIZONS = 3.0
 """After so many horizons everyone has flown whatever it may have been sent."""
 
@@ -101,6 +103,11 @@ class Crew:
         """Return where a fleet at rest is by its plans, (m, d) [m], [m/s], and where the lost are."""
         links = enumerate(self.fleet.links)
         return _stacked([self._rest_of(i) if i in self._roll.lost else link.planned() for i, link in links])
+
+    def moved_from(self, position: FloatArray) -> bool:
+        """Return whether anyone who is not lost is elsewhere than at (m, d) [m]."""
+        here = [index for index in range(len(self._ids)) if index not in self._roll.lost]
+        return bool((np.abs(self.at_rest()[0] - position)[here] > MOVED_M).any())
 
     def ahead(self, time_s: float) -> tuple[FloatArray, FloatArray]:
         """Return where everyone will be at `time_s` of the controller's clock, the lost at rest: (m, d) [m], [m/s].

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mpc_cover.service.step_log import Step
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.clock import Clock
-    from mpc_cover.mission.load import Mission
+    from mpc_cover.mission.config import Control
     from mpc_cover.service.brain import Brain, StepOutcome
     from mpc_cover.service.crew import Crew
     from mpc_cover.service.dispatch import Dispatch
@@ -23,36 +24,44 @@ LATEST_START = 0.5
 """Part of the time for a step that must be left when it starts, or it is skipped."""
 
 
+@dataclass(frozen=True)
+class Budget:
+    """How long things may take: `speed` is how many seconds of the clock pass in one of the machine's.
+
+    Without `deadlines` nothing has one, and runs are deterministic.
+    """
+
+    control: Control
+    speed: float
+    deadlines: bool
+
+
 class Helm:
     """One mission's brain, with its budget of time.
 
     Parameters
     ----------
-    mission, brain, dispatch : what to do, who thinks, and who sends.
-    timeline, clock : when; `speed` is how many seconds of `clock` pass in one of the machine's.
-    steps : what each step took.
-    deadlines : whether steps have one; without, runs are deterministic.
+    brain, dispatch : who thinks, and who sends.
+    timeline, clock : when.
+    steps : told what each step took.
+    budget : what it may take.
     tell : told events, of a kind, in words.
     """
 
     def __init__(
         self,
-        mission: Mission,
         brain: Brain,
         dispatch: Dispatch,
         timeline: Timeline,
         clock: Clock,
         steps: StepLog,
-        *,
-        speed: float,
-        deadlines: bool,
+        budget: Budget,
         tell: Callable[[str, str], None],
     ) -> None:
         self.failures = 0
         self._brain, self._dispatch, self._tell = brain, dispatch, tell
         self._timeline, self._clock, self._steps = timeline, clock, steps
-        self._control = mission.spec.control
-        self._speed, self._deadlines = speed, deadlines
+        self._control, self._speed, self._deadlines = budget.control, budget.speed, budget.deadlines
         self._begun = 0.0
 
     def prepare(self, position: FloatArray, velocity: FloatArray) -> StepOutcome:

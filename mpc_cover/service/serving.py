@@ -49,6 +49,7 @@ class AgentOptions:
     speed: float = 1.0
     record: Path | None = None
     with_parent: bool = False
+    seed: int = 0
 
 
 def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> int:
@@ -113,6 +114,7 @@ def fly(mission: Mission, agent_id: str, options: AgentOptions, network: Network
                     clock,
                     instance=instance,
                     speed=options.speed,
+                    seed=options.seed,
                     recorder=recorder,
                     say=say,
                 ),

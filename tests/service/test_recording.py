@@ -62,14 +62,19 @@ def test_whoever_died_is_braked_from_its_last_state_and_the_rest_is_flown(missio
     assert trajectory.time[-1] > 1.9
     assert check_trajectory(trajectory).holds
     speed = np.linalg.norm(dead[-1].velocity)
-    stopped = np.array(dead[-1].position) + [0.0, 0.5 * speed**2]
+    stopped = np.add(dead[-1].position, [0.0, 0.5 * speed**2])
     np.testing.assert_allclose(trajectory.position[-1, 1], stopped, atol=1e-6)
     assert np.abs(trajectory.input).max() == pytest.approx(1.0)
 
 
 def test_when_all_died_the_record_ends_with_the_last_of_them(mission, flown):
-    trajectory = merge(mission, [flown[0][:9], flown[1][:12]], {}, died=["a1", "a2"])
-    assert trajectory.time[-1] == pytest.approx(max(flown[0][8].time_s, flown[1][11].time_s) - 100.5)
+    cuts = [
+        next(index for index, piece in enumerate(pieces) if piece.time_s > time_s)
+        for pieces, time_s in zip(flown, (100.9, 101.2), strict=True)
+    ]
+    dead = [pieces[:cut] for pieces, cut in zip(flown, cuts, strict=True)]
+    trajectory = merge(mission, dead, {}, died=["a1", "a2"])
+    assert trajectory.time[-1] == pytest.approx(dead[1][-1].time_s - 100.5)
     assert check_trajectory(trajectory).holds
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,8 +27,7 @@ def problem():
 
 def die(connection, name, mission, x, limit, log):
     """Crash as native code does, with a last word."""
-    with open(log, "w", encoding="utf-8") as file:
-        file.write("terrible\nthings happened\n")
+    Path(log).write_text("terrible\nthings happened\n", encoding="utf-8")
     os._exit(7)
 
 
@@ -83,7 +83,10 @@ class Broken(Entry):
 @pytest.mark.parametrize(
     ("error", "words"),
     [
-        (ModuleNotFoundError("No module named 'casadi'", name="casadi"), "not installed: pip install 'mpc-cover[peers]'"),
+        (
+            ModuleNotFoundError("No module named 'casadi'", name="casadi"),
+            "not installed: pip install 'mpc-cover[peers]'",
+        ),
         (ModuleNotFoundError("No module named 'xyz'", name="xyz"), "failed: No module named 'xyz'"),
         (ValueError("two\nlines"), "failed: ValueError: two lines"),
     ],
