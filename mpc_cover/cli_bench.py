@@ -67,6 +67,7 @@ def planner(
     for race in races:
         before = f"guess: J = {race.before.cost:.4g} m, {race.before.covered_percent:.2f} % covered"
         title = f"{loaded.spec.name} from {race.guess} ({before}); violations up to {TOLERANCE:g} are forgiven"
+        title += "; processor time" if cpu_time else ""
         print_benchmark(benchmark.rows_of(race), title, console)
     if out is not None:
         for file in benchmark.write_benchmark(out, loaded, races, limit):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from threading import Lock
@@ -71,16 +72,26 @@ class Inbox:
 
 
 class Presence:
-    """The liveliness tokens seen."""
+    """The liveliness tokens seen, and when those that went did."""
 
     def __init__(self) -> None:
         self._alive: set[str] = set()
+        self._gone_s: dict[str, float] = {}
         self._lock = Lock()
 
-    def set(self, key: str, alive: bool) -> None:
-        """Note that a token appeared or went."""
+    def set(self, key: str, alive: bool, time_s: float) -> None:
+        """Note that a token appeared or went, at a time of the receiver's own clock [s]."""
         with self._lock:
-            (self._alive.add if alive else self._alive.discard)(key)
+            if alive:
+                self._alive.add(key)
+            elif key in self._alive:
+                self._alive.discard(key)
+                self._gone_s[key] = time_s
+
+    def gone_s(self, key: str) -> float:
+        """Return when a token went last [s]; -inf when it never did."""
+        with self._lock:
+            return self._gone_s.get(key, -math.inf)
 
     def alive(self) -> frozenset[str]:
         """Return the keys of the tokens that are alive."""

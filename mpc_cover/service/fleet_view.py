@@ -126,8 +126,9 @@ class FleetView:
         self.reborn: list[str] = []
         self._index = {name: index for index, name in enumerate(fleet.ids)}
         self._shape = fleet.start.shape
-        self._speed, self._mission = speed, mission_hash(mission)
+        self.speed, self._mission = speed, mission_hash(mission)
         self._state_period = mission.spec.control.state_period_s
+        self._keys = keys
         self._states = transport.inbox(keys.state(), STATE_DEPTH * fleet.size, history=history)
         self._presence = transport.presence(keys.agent_alive())
 
@@ -170,6 +171,10 @@ class FleetView:
         alive = {agent_of(key) for key in self._presence.alive()}
         return [link.id for link in self.links if link.id in alive]
 
+    def token_went_s(self, link: AgentLink) -> float:
+        """Return when an agent's liveliness token went last, by the controller's clock [s]; -inf when it never did."""
+        return self._presence.gone_s(self._keys.agent_alive(link.id))
+
     def late(self, now_s: float, than_s: float | None = None) -> list[str]:
         """Return the ids whose newest state is older than three state periods, or than `than_s`."""
         limit = LATE_PERIODS * self._state_period if than_s is None else than_s
@@ -184,8 +189,8 @@ class FleetView:
                 missing[link.id] = f"{link.id} is not here"
             elif link.state.mission != self._mission:
                 missing[link.id] = f"{link.id} has another version of this mission"
-            elif link.state.speed != self._speed:
-                own = f"this controller at {self._speed:g}"
+            elif link.state.speed != self.speed:
+                own = f"this controller at {self.speed:g}"
                 missing[link.id] = f"{link.id} runs at --speed {link.state.speed:g}, {own}"
             elif not link.state.at_rest:
                 missing[link.id] = f"{link.id} still moves"

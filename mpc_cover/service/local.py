@@ -56,14 +56,14 @@ class LocalBus:
         self._tokens.append((owner, key))
         for _, pattern, presence in self._presences:
             if matches(pattern, key):
-                presence.set(key, alive=True)
+                presence.set(key, alive=True, time_s=self.clock.now())
 
     def watch(self, owner: LocalTransport, pattern: str, presence: Presence) -> None:
         """Keep `presence` up to date."""
         self._presences.append((owner, pattern, presence))
         for _, key in self._tokens:
             if matches(pattern, key):
-                presence.set(key, alive=True)
+                presence.set(key, alive=True, time_s=self.clock.now())
 
     def answer(self, owner: LocalTransport, pattern: str, requests: RequestInbox) -> None:
         """Send matching questions there."""
@@ -85,7 +85,7 @@ class LocalBus:
         for key in gone:
             for _, pattern, presence in self._presences:
                 if matches(pattern, key):
-                    presence.set(key, alive=False)
+                    presence.set(key, alive=False, time_s=self.clock.now())
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 
 DEAD_STATES = 3.0
 """An agent without a liveliness token is lost when it was silent for so many state periods, or for a period."""
+BROKEN_LINE_S = 0.5
+"""A token that went after a longer silence [s of the machine's clock], or 1.5 state periods, went with the lease."""
 SILENT_PART = 0.5
 """An agent with one is lost when it was silent for this part of the horizon: it may be hung."""
 
@@ -26,14 +28,14 @@ class RollCall:
     """Keeps the list of the lost, by agent number.
 
     A process that dies takes its liveliness token along at once, a broken line only after the lease of a second: so
-    whoever is lost without a token, but was heard within a period before, has died.
+    an agent has died when it was heard until its token went.
     """
 
     def __init__(self, mission: Mission, fleet: FleetView) -> None:
         control = mission.spec.control
         self.lost: dict[int, Fate] = {}
         self._fleet = fleet
-        self._heard_s = control.period_s + control.state_period_s
+        self._broken_s = max(BROKEN_LINE_S * fleet.speed, 1.5 * control.state_period_s)
         self._dead_s = min(DEAD_STATES * control.state_period_s, control.period_s)
         self._silent_s = SILENT_PART * control.horizon_steps * control.period_s
 
@@ -48,7 +50,8 @@ class RollCall:
             if link.id in self._fleet.reborn:
                 fates[index] = Fate.BRAKES  # the one that was there before has died
             elif link.id not in present and silent > self._dead_s:
-                fates[index] = Fate.BRAKES if silent <= self._heard_s else Fate.FLIES_ON
+                before_s = link.silent_s(self._fleet.token_went_s(link))
+                fates[index] = Fate.BRAKES if before_s <= self._broken_s else Fate.FLIES_ON
             elif silent > self._silent_s:
                 fates[index] = Fate.FLIES_ON
         return fates

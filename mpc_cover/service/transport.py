@@ -157,7 +157,7 @@ class ZenohTransport:
         presence = Presence()
 
         def note(sample: zenoh.Sample) -> None:
-            presence.set(str(sample.key_expr), alive=sample.kind == zenoh.SampleKind.PUT)
+            presence.set(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT, self._clock.now())
 
         liveliness = self._session.liveliness()
         self._kept.append(liveliness.declare_subscriber(pattern, self._counted(note), history=True))

@@ -113,7 +113,7 @@ def write_benchmark(folder: Path, mission: Mission, races: list[Race], limit: Li
         files[1].write_text(_as_csv(report), encoding="utf-8")
         for race_ in races:
             file = folder / f"bench-{race_.guess}.png"
-            title = f"{mission.spec.name}, from {race_.guess}"
+            title = f"{mission.spec.name}, from {race_.guess}{' (processor time)' if limit.cpu_time else ''}"
             files.append(draw_history(curves_of(race_), title, file))
     except OSError as error:
         raise UserError(f"--out {folder}: cannot be written: {error.strerror or error}") from None

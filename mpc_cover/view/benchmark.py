@@ -136,8 +136,9 @@ def draw_history(curves: Sequence[Curve], title: str, file: Path) -> Path:
             shown = [max(time, _FIRST_S) for time in curve.time_s]
             heights = [max(cost, floor) for cost in curve.cost_m]
             end = max(curve.end_s, shown[-1])
-            axes.step([*shown, end], [*heights, heights[-1]], where="post", color=colour, linestyle=line)
-            axes.plot(end, heights[-1], "o", color=colour, markersize=5, label=f"{curve.name}: {curve.cost_m[-1]:.3g}")
+            label = f"{curve.name}: {curve.cost_m[-1]:.3g} m"
+            axes.step([*shown, end], [*heights, heights[-1]], where="post", color=colour, linestyle=line, label=label)
+            axes.plot(end, heights[-1], "o", color=colour, markersize=5)
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.axhline(floor, color="#767676", linewidth=0.9, linestyle=":")
@@ -146,7 +147,7 @@ def draw_history(curves: Sequence[Curve], title: str, file: Path) -> Path:
         axes.set_xlabel("time [s]")
         axes.set_ylabel("least J so far [m]")
         if curves:
-            figure.legend(loc="outside right upper", fontsize=9.5)
+            figure.legend(loc="outside right upper", fontsize=9.5, handlelength=2.6)
         return save_figure(figure, file)
 
 

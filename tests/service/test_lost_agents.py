@@ -50,8 +50,10 @@ def test_a_dead_agent_is_lost_within_two_periods_and_the_others_fly_on(bench, fl
     assert decode_status(bench.hear(bench.keys.status).drain()[-1].payload).lost == ["a2"]
 
 
-def test_it_is_given_to_the_brain_where_its_deadman_stops_it(bench, fleet, brain, controller):
+@pytest.mark.parametrize("later_s", [0.0, 0.1, 0.2, 0.3, 0.4])
+def test_it_is_given_to_the_brain_where_its_deadman_stops_it(bench, fleet, brain, controller, later_s):
     bench.run(controller, until=lambda: np.linalg.norm(fleet[1].plant.velocity) > 0.5)
+    bench.run(controller, seconds=later_s)  # at any phase of the controller's period
     bench.kill(fleet[1])
     last = fleet[1].plant
     bench.run(controller, until=lambda: brain.lost)

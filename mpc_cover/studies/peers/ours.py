@@ -39,7 +39,7 @@ class _Seen:
 
 
 def refined(case: Case, x: FloatArray, watch: Watch, *, backend: str) -> Answer:
-    """Refine the guess by the continuation of soft minima, with its own default stages."""
+    """Refine the guess as `mpc-cover plan` refines its finalists: several ways, until everything is covered."""
     solver = make_backend(backend)
     watch.begin(x)
     with _watched(watch, x) as seen:
