@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from mpc_cover.service.network import NetworkOptions
 
 USER_ERROR = 2
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""Our matrices are small: more threads only get in each other's way (set before numpy is imported)."""
 
 app = typer.Typer(
     name="mpc-cover",

@@ -37,7 +37,7 @@ def bound_rows(
 ) -> list[Rows]:
     """Return bounds on all positions, and the equalities of the ends.
 
-    `position` is the iterate (N+1, m, d) [m], which `trust` [m] keeps near; `box` the corners (d,) [m]. An
+    `position` is the iterate (N+1, m, d) [m], which `trust` [m] keeps near; `box` the corners (m, d) [m]. An
     iterate outside the box may stay where it is, but goes no farther out. Agents in `still` do not move.
     """
     lower = np.maximum(position - trust, np.minimum(box[0], position))

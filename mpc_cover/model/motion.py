@@ -28,3 +28,16 @@ def roll_out(
     np.cumsum(period * velocities[:-1] + 0.5 * period**2 * force, axis=0, out=positions[1:])
     positions[1:] += position
     return positions, velocities
+
+
+def path_extremes(position: FloatArray, velocity: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest coordinates (N, m, d) [m] within each interval of a motion.
+
+    Each coordinate is a parabola under a zero-order hold, with its vertex at t = -v/u: q - v^2 / (2 u).
+    """
+    force = np.diff(velocity, axis=0) / period
+    before, after = velocity[:-1], velocity[1:]
+    turns = before * after < 0.0
+    vertex = position[:-1] - np.divide(before**2, 2.0 * force, out=np.zeros_like(force), where=turns)
+    low, high = np.minimum(position[:-1], position[1:]), np.maximum(position[:-1], position[1:])
+    return np.where(turns, np.minimum(low, vertex), low), np.where(turns, np.maximum(high, vertex), high)

@@ -66,7 +66,7 @@ def plan_mission(
     engine, task = Engine(options.backend), offline_task(mission)
     steps = round(mission.spec.planning.duration_s / task.period)
     deadline = None if options.time_limit_s is None else time.perf_counter() + options.time_limit_s
-    search = Search(options.starts, finalists=3, seed=options.seed, exact_cones=options.exact_cones)
+    search = Search(options.starts, 3, seed=options.seed, thorough=True, exact_cones=options.exact_cones)
     if options.min_time:
         found = engine.shortest(task, search, deadline, _teller(task.period, told))
     else:

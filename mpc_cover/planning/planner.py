@@ -42,6 +42,7 @@ class Search:
     finalists : the best of them, refined until one covers everything.
     seed : of the random ones.
     kinds : only these guesses, in this order; empty for all.
+    thorough : whether finalists are also refined in several ways from their start.
     exact_cones : second-order cones instead of polytopes, where the back-end has them.
     """
 
@@ -49,6 +50,7 @@ class Search:
     finalists: int = 2
     seed: int = 0
     kinds: tuple[str, ...] = ()
+    thorough: bool = False
     exact_cones: bool = False
 
 
@@ -84,7 +86,7 @@ def plan_for(
     for guess, coarse in tried[: search.finalists]:
         if min(found, key=lambda c: c.rank).complete or _late(deadline):
             break
-        found.append(_finished(task, backend, steps, (guess, coarse), deadline, exact_cones=search.exact_cones))
+        found.append(_finished(task, backend, steps, (guess, coarse), deadline, search))
     still = task.flown(rest_guess(task.position), steps)
     found.append(candidate_of(task, steps, judge(window, window.exact_ends(still.decision)), "rest"))
     return sorted(found, key=lambda candidate: candidate.rank)
@@ -96,20 +98,23 @@ def _finished(
     steps: int,
     start: tuple[Guess, Refined],
     deadline: float | None,
-    *,
-    exact_cones: bool,
+    search: Search,
 ) -> Candidate:
-    """Refine a finalist from where the coarse stages left it, then thoroughly from the start."""
+    """Refine a finalist from where the coarse stages left it, then once more from the start."""
     guess, coarse = start
     window = task.window(steps)
-    refined = partial(refine, window, backend=backend, deadline=deadline, exact_cones=exact_cones)
+    exact = search.exact_cones
+    refined = partial(refine, window, backend=backend, deadline=deadline, exact_cones=exact)
     fine = refined(x=coarse.x, sharpness=SHARPNESS[2:], iterations=8, region=0.5)
     first = candidate_of(task, steps, fine, guess.kind)
     if first.complete or first.cost > _HOPELESS * length_scale(window) or _late(deadline):
         return first
     x = window.exact_ends(task.flown(guess, steps).decision)
-    thorough = refine_thoroughly(window, x, backend, deadline=deadline, exact_cones=exact_cones)
-    return min(first, candidate_of(task, steps, thorough, guess.kind), key=lambda candidate: candidate.rank)
+    if search.thorough:
+        again = refine_thoroughly(window, x, backend, deadline=deadline, exact_cones=exact)
+    else:
+        again = refined(x=x, iterations=6)
+    return min(first, candidate_of(task, steps, again, guess.kind), key=lambda candidate: candidate.rank)
 
 
 def starts(task: Task, search: Search) -> Iterator[Guess]:

@@ -13,6 +13,7 @@ import numpy as np
 from mpc_cover.constraints.graph import fleet_trees
 from mpc_cover.constraints.pairs import pair_distances
 from mpc_cover.coverage.majoriser import soft_cost
+from mpc_cover.model.motion import path_extremes
 from mpc_cover.planning.subproblem import build_subproblem
 from mpc_cover.planning.window import requirements
 from solvers.nlp import Measure
@@ -51,12 +52,13 @@ class CoverageProblem:
         window, fleet = self.window, self.window.fleet
         limits = 1.0 - self.settings.margins.limits
         force = np.diff(velocity, axis=0) / window.period
-        free, given = position[window.first :], position[: window.first]
+        low, high = path_extremes(position, velocity, window.period)
+        given = position[: window.first]
         over = [
             np.linalg.norm(velocity[window.first :], axis=2) - limits * fleet.speed_max,
             np.linalg.norm(force, axis=2) - limits * fleet.input_max,
-            free - np.maximum(fleet.motion_max, given.max(axis=0, initial=-np.inf)),
-            np.minimum(fleet.motion_min, given.min(axis=0, initial=np.inf)) - free,
+            high - np.maximum(fleet.motion_max, given.max(axis=0, initial=-np.inf)),
+            np.minimum(fleet.motion_min, given.min(axis=0, initial=np.inf)) - low,
         ]
         if fleet.size > 1:
             pairs = pair_distances(position, velocity, window.period)

@@ -101,13 +101,14 @@ def _add_limits(found: Reference, window: Window, settings: Settings, bar_v: Flo
 def _add_bounds(found: Reference, window: Window, bar_q: FloatArray, radius: float) -> None:
     """Add the motion box (4.15, 4.16), the trust region and the end (4.17)."""
     fleet, ends = window.fleet, window.ends
+    between = (fleet.input_max * window.period**2 / 8.0)[:, None]  # what a path may leave its chord by
     given = {0: ends.start_position, window.steps: ends.end_position}
     for n in range(window.steps + 1):
         if given.get(n) is not None:
             found.constraints.append(found.position[n] == given[n])
             continue
-        lower = np.maximum(bar_q[n] - radius, np.minimum(fleet.motion_min, bar_q[n]))
-        upper = np.minimum(bar_q[n] + radius, np.maximum(fleet.motion_max, bar_q[n]))
+        lower = np.maximum(bar_q[n] - radius, np.minimum(fleet.motion_min + between, bar_q[n]))
+        upper = np.minimum(bar_q[n] + radius, np.maximum(fleet.motion_max - between, bar_q[n]))
         found.constraints += [found.position[n] >= lower, found.position[n] <= upper]
     for i in fleet.lost:
         found.constraints += [q[i] == bar_q[0, i] for q in found.position]

@@ -149,7 +149,9 @@ def build_subproblem(
         position, window.cell, window.fleet.radius, window.weight, settings.softness, window.looks
     )
     terms = coverage_terms(layout, position, majoriser, radius)
-    box = (window.fleet.motion_min, window.fleet.motion_max)
+    # between samples a coordinate leaves its chord by at most u T_s^2 / 8
+    between = (window.fleet.input_max * window.period**2 / 8.0)[:, None]
+    box = (window.fleet.motion_min + between, window.fleet.motion_max - between)
     hard = motion_rows(window, settings, layout, velocity)
     hard += bound_rows(layout, position, box, radius, window.ends, window.fleet.lost)
     elastic = pair_rows(window, settings, required, layout, (position, velocity), radius)

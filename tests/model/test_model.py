@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from mpc_cover.model.motion import roll_out
+from mpc_cover.model.motion import path_extremes, roll_out
 from mpc_cover.model.sensing import covered_at, measured
 
 
@@ -56,3 +56,17 @@ def test_looks_count_once_a_period_for_each_agent():
     assert covered_at(time, here, cell, radius, 4, 0.5).tolist() == [0.5]
     assert covered_at(time, here, cell, radius, 6, 0.5).tolist() == [1.0]
     assert covered_at(time, here, cell, radius, 7, 0.5).tolist() == [np.inf]
+
+
+@given(seed=st.integers(0, 10**6), period=st.floats(0.05, 1.0))
+def test_the_extremes_of_a_path_are_those_of_a_dense_look(seed, period):
+    rng = np.random.default_rng(seed)
+    force = rng.normal(size=(3, 2, 2))
+    position, velocity = roll_out(rng.normal(size=(2, 2)), rng.normal(size=(2, 2)), force, period)
+    low, high = path_extremes(position, velocity, period)
+    t = np.linspace(0.0, period, 400)[:, None, None, None]
+    path = position[:-1] + t * velocity[:-1] + 0.5 * t**2 * force
+    assert (low <= path.min(axis=0) + 1e-12).all()
+    assert (high >= path.max(axis=0) - 1e-12).all()
+    assert low == pytest.approx(path.min(axis=0), abs=1e-4)
+    assert high == pytest.approx(path.max(axis=0), abs=1e-4)

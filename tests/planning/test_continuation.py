@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from motions import random_window, settings
+from motions import random_window, replace, settings
 
 from mpc_cover.planning.continuation import FEASIBILITY, judge, refine, softness_at
 from mpc_cover.planning.problem import CoverageProblem
@@ -58,3 +58,29 @@ def test_the_margin_makes_up_for_the_soft_minimum_and_never_vanishes():
     assert softness_at(4.0, 2.0).beta == pytest.approx(2.0)
     assert softness_at(4.0, 2.0).margin == pytest.approx(0.35)
     assert softness_at(1e6, 2.0).margin == pytest.approx(0.04)
+
+
+def test_a_path_that_leaves_the_box_between_two_samples_only_is_a_violation():
+    """At both samples 1 cm inside the wall, but the parabola's vertex lies beyond it."""
+    window, _ = random_window(1, steps=2, agents=1)
+    limit = window.fleet.motion_max[0]
+    ends = replace(window.ends, start_position=np.array([[limit - 0.01, 4.0]]), start_velocity=np.array([[0.3, 0.0]]))
+    window = replace(window, ends=ends)
+    velocity = np.array([[[0.3, 0.0]], [[-0.3, 0.0]], [[0.0, 0.0]]])
+    problem = CoverageProblem(window, settings())
+    violation = problem.measure(window.decision(ends.start_position, velocity)).violation
+    assert violation == pytest.approx(0.3**2 / (2 * 1.2) - 0.01)
+
+
+@pytest.mark.parametrize("backend", ["piqp", "clarabel", "osqp"])
+def test_plans_along_the_walls_stay_inside_between_samples_too(backend):
+    """Cells up to the edge of a box that is hardly wider than the sensing disc pull the agent to the walls."""
+    window, x = random_window(5, steps=12, agents=1)
+    fleet = replace(window.fleet, radius=np.array([[0.3]]))
+    window = replace(window, fleet=fleet)
+    found = refine(window, x, make_backend(backend), sharpness=(4.0, 20.0), iterations=6)
+    position, velocity = window.motion(found.x)
+    force = np.diff(velocity, axis=0) / window.period
+    report = verify_motion(fleet, window.period * np.arange(13), position, velocity, force, at_rest=True)
+    assert found.feasible
+    assert report.holds, report.first_failure

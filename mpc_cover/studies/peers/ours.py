@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mpc_cover.studies.watch import Answer, Watch
     from solvers.nlp import ConvexModel
 
-SEARCH = Search(starts=10, finalists=3)
+SEARCH = Search(starts=10, finalists=3, thorough=True)
 """What `mpc-cover plan` searches."""
 
 
