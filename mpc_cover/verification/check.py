@@ -8,6 +8,7 @@ import numpy as np
 
 from mpc_cover.verification.coverage_claim import check_coverage
 from mpc_cover.verification.ends import check_plan_ends
+from mpc_cover.verification.losses import losses_of, verify_with_losses
 from mpc_cover.verification.motion import verify_motion
 from mpc_cover.verification.report import Check, Report
 
@@ -22,21 +23,26 @@ def check_trajectory(trajectory: Trajectory) -> Report:
     """Verify a trajectory against the mission it carries.
 
     The motion starts in the mission's start at rest; a plan (meta["kind"]) starts and ends as the
-    mission's `planning` asks. The coverage is recomputed from the positions at the samples.
+    mission's `planning` asks. After the loss of agents (meta["lost"]) the others must stay connected without
+    them. The coverage is recomputed from the positions at the samples.
     """
     fleet, planning = trajectory.mission.fleet, trajectory.mission.spec.planning
     planned = trajectory.meta.get("kind") == "plan"
     free = planned and planning.start == "free"
-    motion = verify_motion(
-        fleet,
-        trajectory.time,
-        trajectory.position,
-        trajectory.velocity,
-        trajectory.input,
-        tolerance=TOLERANCE,
-        at_rest=planned and planning.end in {"rest", "fixed"},
-        start=None if free else (fleet.start, np.zeros_like(fleet.start)),
-    )
+    start = (fleet.start, np.zeros_like(fleet.start))
+    if (losses := losses_of(trajectory)) and not planned:
+        motion = verify_with_losses(trajectory, losses, tolerance=TOLERANCE, start=start)
+    else:
+        motion = verify_motion(
+            fleet,
+            trajectory.time,
+            trajectory.position,
+            trajectory.velocity,
+            trajectory.input,
+            tolerance=TOLERANCE,
+            at_rest=planned and planning.end in {"rest", "fixed"},
+            start=None if free else start,
+        )
     if not motion.checks[0].holds:
         unseen = Check("coverage", holds=False, margin=-np.inf, unit="s", where="not looked at")
         return Report((*motion.checks, unseen))

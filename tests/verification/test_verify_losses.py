@@ -1,0 +1,65 @@
+"""After a loss the others must stay connected among themselves; before it everybody must."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flights import covered_at, propagate
+
+from mpc_cover.mission.load import build_mission, load_mission
+from mpc_cover.trajectory import Trajectory
+from mpc_cover.verification.check import check_trajectory
+
+
+def flight(lost, separation=0.5):
+    """Three in a row, 2 m apart with a range of 2.5 m; from 2 s on the two on the left leave the third behind."""
+    spec = load_mission("box-3").spec.model_dump(by_alias=True, exclude_none=True)
+    for agent, x in zip(spec["fleet"]["agents"], (4.0, 6.0, 8.0), strict=True):
+        agent["start_m"] = [x, 5.0]
+    spec["fleet"] |= {"communication_range_m": 2.5, "separation_min_m": separation}
+    mission = build_mission(spec, "mission")
+    time = np.arange(9) * 0.5
+    force = np.zeros((8, 3, 2))
+    force[4:6, :2, 0] = -1.0
+    force[6:, :2, 0] = 1.0
+    position, velocity = propagate(mission.fleet.start, force, time)
+    first = covered_at(time, position, mission)
+    return Trajectory(
+        time, position, velocity, force, mission.field.cell, first, mission.fleet.ids, mission, {"kind": "demo", **lost}
+    )
+
+
+def test_leaving_a_living_agent_behind_fails():
+    report = check_trajectory(flight({}))
+    assert report.first_failure.name == "connectivity"
+
+
+def test_leaving_a_dead_one_behind_holds():
+    report = check_trajectory(flight({"lost": {"a3": 2.0}}))
+    assert report.holds, report.first_failure
+
+
+@pytest.mark.parametrize(
+    "lost", [{"a3": 3.9}, {"a1": 0.5}, {"nobody": 0.0}, {"a3": "early"}, "a3", {"a3": float("nan")}]
+)
+def test_what_was_lost_too_late_or_never_is_no_excuse(lost):
+    assert not check_trajectory(flight({"lost": lost})).holds
+
+
+def test_a_lost_agent_is_still_an_obstacle():
+    """The third is told to have died, and another flies through it."""
+    good = flight({"lost": {"a3": 0.0}})
+    force = good.input.copy()
+    force[:] = 0.0
+    force[:2, :2, 0], force[3:5, :2, 0] = 1.5, -1.5
+    position, velocity = propagate(good.mission.fleet.start, force, good.time)
+    bad = replace(
+        good,
+        position=position,
+        velocity=velocity,
+        input=force,
+        covered_at=covered_at(good.time, position, good.mission),
+    )
+    assert "separation" in {check.name for check in check_trajectory(bad).failures}
