@@ -1,6 +1,6 @@
 """The network: the only file that imports zenoh.
 
-What bites in Zenoh (see ../shared/protocol.md) is guarded here: nothing on the way of a plan may block, callbacks
+What bites in Zenoh is guarded here: nothing on the way of a plan may block, callbacks
 only fill bounded queues and count their exceptions, liveliness tokens are kept, multicast, gossip and
 shared memory are off, and an endpoint that is in use or unreachable is one clear error.
 """
