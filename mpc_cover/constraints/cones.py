@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from mpc_cover.constraints.graph import fleet_trees
+from mpc_cover.constraints.connectivity import kept_edges
 from mpc_cover.constraints.pairs import all_pairs
 
 if TYPE_CHECKING:
@@ -62,14 +62,8 @@ def edge_cones(
 
     Edges that cannot become too long within the trust region (`reach` [m]) need no cone.
     """
-    tree = fleet_trees(pairs.most, fleet)
-    held = np.zeros((layout.steps + 1, tree.shape[1]), dtype=bool)
-    held[1:] |= tree
-    held[:-1] |= tree
-    held[:first] = False
-    length = pairs.sampled
-    bound = np.where(length > allowed, allowed, np.maximum(allowed - between, length))
-    sample, pair = np.nonzero(held & (length + reach > bound))
+    held, bound = kept_edges(pairs, allowed, between, fleet, first)
+    sample, pair = np.nonzero(held & (pairs.sampled + reach > bound))
     one, two = all_pairs(layout.agents)
     plus, minus = layout.position(sample, one[pair]), layout.position(sample, two[pair])
     return Cones(bound[sample, pair], plus, minus, np.arange(sample.size))

@@ -11,8 +11,25 @@ from mpc_cover.constraints.graph import fleet_trees
 from mpc_cover.constraints.pairs import PairDistances, elastic_pair_rows
 
 if TYPE_CHECKING:
+    from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.constraints.rows import Layout, Rows
     from mpc_cover.mission.fleet import Fleet
+
+
+def kept_edges(
+    pairs: PairDistances, allowed: float, between: float, fleet: Fleet, first: int
+) -> tuple[BoolArray, FloatArray]:
+    """Return (N+1, pairs): which edges are kept at which samples, and the length each may have [m].
+
+    An edge inside the margin may stay where it is, one that is too long must come back.
+    """
+    tree = fleet_trees(pairs.most, fleet)
+    held = np.zeros(pairs.sampled.shape, dtype=bool)
+    held[1:] |= tree
+    held[:-1] |= tree
+    held[:first] = False
+    length = pairs.sampled
+    return held, np.where(length > allowed, allowed, np.maximum(allowed - between, length))
 
 
 def connectivity_rows(
@@ -40,22 +57,15 @@ def connectivity_rows(
     fleet : who takes part, and which further pairs are kept always (fixed topology, 4.19).
     first : the first sample that is not given.
     """
-    tree = fleet_trees(pairs.most, fleet)
-    held = np.zeros((layout.steps + 1, tree.shape[1]), dtype=bool)
-    held[1:] |= tree
-    held[:-1] |= tree
-    held[:first] = False
+    held, radius = kept_edges(pairs, allowed, between, fleet, first)
     sample, pair = np.nonzero(held)
     difference = pairs.difference[sample, pair]
-    length = pairs.sampled[sample, pair]
-    # an edge inside the margin may stay where it is, one that is too long must come back
-    bound = np.where(length > allowed, allowed, np.maximum(allowed - between, length)) * facets.shrink
+    bound = radius[sample, pair] * facets.shrink
     normal = turned_normals(facets, difference)
     both = np.concatenate([normal, -normal], axis=1)
     along = np.einsum("efd,ed->ef", both, difference)
     edge, facet = np.nonzero(along + reach > bound[:, None])
-    needed, slack = np.unique(edge, return_inverse=True)
-    del needed
+    _, slack = np.unique(edge, return_inverse=True)
     return elastic_pair_rows(
         layout, sample[edge], pair[edge], both[edge, facet], bound[edge], np.asarray(slack, dtype=np.intp)
     )

@@ -19,6 +19,7 @@ from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_ste
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.errors import UserError
 from mpc_cover.information.coverage_map import CoverageMap
+from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.stretches import resampled
 from mpc_cover.planning.task import Task
@@ -160,7 +161,7 @@ class RecedingHorizon:
         if sooner:
             window = stretch_window(whole, self._mission, weight, stretch, stretch - 1)
             x = window.decision(whole.position[0], resampled(whole.velocity[: stretch + 1], stretch - 1))
-        found = self._engine.polish(window, x, _QPS, _share_of(deadline))
+        found = self._engine.polish(window, x, _QPS, part_of(deadline, _SHARE))
         better = found.cost == 0.0 if sooner else found.cost < now.cost
         if found.feasible and better:
             plan = spliced(whole, window.motion(found.x)[1], stretch)
@@ -214,10 +215,3 @@ class RecedingHorizon:
         self._published = plan
         now = time.perf_counter()
         return StepResult(plan, rung, reason, now - begun, deadline is not None and now > deadline)
-
-
-def _share_of(deadline: float | None) -> float | None:
-    if deadline is None:
-        return None
-    now = time.perf_counter()
-    return now + _SHARE * max(deadline - now, 0.0)

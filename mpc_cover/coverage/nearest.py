@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from scipy.spatial import cKDTree
 
+from mpc_cover.model.sensing import TIE
+
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
 
@@ -15,8 +17,6 @@ Array = TypeVar("Array", "FloatArray", "IntArray")
 
 _DENSE = 200_000
 """More pairs of cells and samples than this are searched by a tree rather than all compared."""
-TIE = 1e-9
-"""A cell at distance exactly rho is measured, whatever the last bit says [m]."""
 FAR = 1e9
 """Stands for "never" where fewer samples than asked for can measure a magnitude [m]."""
 

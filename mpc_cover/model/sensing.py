@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
 
-_TIE = 1e-9
+TIE = 1e-9
 """A cell at distance exactly rho is measured, whatever the last bit says [m]."""
 
 
@@ -19,7 +19,7 @@ def measured(position: FloatArray, cell: FloatArray, radius: FloatArray) -> Bool
     `cell` is (K, d) [m]; `radius` (m, J) [m], -inf where an agent cannot measure a magnitude (4.29).
     """
     distance = np.linalg.norm(position[:, None, :] - cell[None], axis=2)
-    return np.asarray((distance[:, None, :] <= radius[:, :, None] + _TIE).any(axis=0))
+    return np.asarray((distance[:, None, :] <= radius[:, :, None] + TIE).any(axis=0))
 
 
 def covered_at(
@@ -52,7 +52,7 @@ def _looked_at(
     first = np.full(count.shape, np.inf)
     for t, now in zip(time, position, strict=True):
         distance = np.linalg.norm(now[:, None, :] - cell[None], axis=2)
-        seen = (distance[:, None, :] <= radius[:, :, None] + _TIE) & (t - last >= period * (1.0 - 1e-6))
+        seen = (distance[:, None, :] <= radius[:, :, None] + TIE) & (t - last >= period * (1.0 - 1e-6))
         last[seen] = t
         count += seen.sum(axis=0)
         first = np.where((count >= looks) & np.isinf(first), t, first)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ import numpy as np
 from mpc_cover.coverage.majoriser import Softness
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.coverage.objective import coverage_cost
+from mpc_cover.planning.deadline import late
 from mpc_cover.planning.problem import CoverageProblem
 from mpc_cover.planning.window import Settings
 from solvers import sqp
@@ -110,7 +110,7 @@ def refine(
     for value in sharpness:
         if best.cost == 0.0 and best.feasible:
             break
-        if deadline is not None and time.perf_counter() >= deadline:
+        if late(deadline):
             break
         problem = CoverageProblem(window, Settings(softness_at(value, scale, count), exact_cones=exact_cones))
         result = sqp.solve(problem, current, backend, options, deadline=deadline)

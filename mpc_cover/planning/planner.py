@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, islice
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.planning.continuation import SHARPNESS, judge, length_scale, refine, refine_thoroughly
+from mpc_cover.planning.deadline import late, part_of
 from mpc_cover.planning.guesses import Guess, rest_guess, sweep_guesses, tour_guess
 from mpc_cover.planning.task import Candidate, Task, candidate_of
 
@@ -63,10 +63,10 @@ def plan_for(
     """
     search = search or Search()
     window = task.window(steps)
-    screening = _part_of(deadline, 0.5)
+    screening = part_of(deadline, 0.5)
     tried: list[tuple[Guess, Refined]] = []
     for guess in islice(starts(task, search), max(search.starts, 1)):
-        if _late(screening) and tried:
+        if late(screening) and tried:
             break
         x = window.exact_ends(task.flown(guess, steps).decision)
         coarse = refine(
@@ -84,7 +84,7 @@ def plan_for(
     tried.sort(key=lambda item: (not item[1].feasible, item[1].cost))
     found = [candidate_of(task, steps, coarse, guess.kind) for guess, coarse in tried]
     for guess, coarse in tried[: search.finalists]:
-        if min(found, key=lambda c: c.rank).complete or _late(deadline):
+        if min(found, key=lambda c: c.rank).complete or late(deadline):
             break
         found.append(_finished(task, backend, steps, (guess, coarse), deadline, search))
     still = task.flown(rest_guess(task.position), steps)
@@ -107,7 +107,7 @@ def _finished(
     refined = partial(refine, window, backend=backend, deadline=deadline, exact_cones=exact)
     fine = refined(x=coarse.x, sharpness=SHARPNESS[2:], iterations=8, region=0.5)
     first = candidate_of(task, steps, fine, guess.kind)
-    if first.complete or first.cost > _HOPELESS * length_scale(window) or _late(deadline):
+    if first.complete or first.cost > _HOPELESS * length_scale(window) or late(deadline):
         return first
     x = window.exact_ends(task.flown(guess, steps).decision)
     if search.thorough:
@@ -140,14 +140,3 @@ def starts(task: Task, search: Search) -> Iterator[Guess]:
         moved = [path + rng.normal(scale=_JITTER * radius, size=path.shape) for path in guess.paths]
         inside = [np.clip(path, task.fleet.motion_min, task.fleet.motion_max) for path in moved]
         yield replace(guess, kind=f"{guess.kind}, random {number}", paths=inside)
-
-
-def _part_of(deadline: float | None, part: float) -> float | None:
-    if deadline is None:
-        return None
-    now = time.perf_counter()
-    return now + part * max(deadline - now, 0.0)
-
-
-def _late(deadline: float | None) -> bool:
-    return deadline is not None and time.perf_counter() >= deadline

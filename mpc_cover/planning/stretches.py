@@ -6,7 +6,6 @@ plan covers. Asked for the same in one sample less, it takes a sample off the wh
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from mpc_cover.constraints.boundary import Ends
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.planning.continuation import judge, refine
+from mpc_cover.planning.deadline import late
 from mpc_cover.planning.window import Window
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def improve(
     for _ in range(passes):
         before, begin = velocity.shape[0], 0
         while begin < velocity.shape[0] - 2:
-            if deadline is not None and time.perf_counter() >= deadline:
+            if late(deadline):
                 return position, velocity
             end = min(begin + length, velocity.shape[0] - 1)
             position, velocity = _stretch(task, (position, velocity), backend, begin, end)

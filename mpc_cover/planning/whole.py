@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.planning.continuation import judge
+from mpc_cover.planning.deadline import late, part_of
 from mpc_cover.planning.guesses import rest_guess, tour_guess
 from mpc_cover.planning.planner import Search, plan_for, starts
 from mpc_cover.planning.stretches import improve
@@ -63,7 +63,7 @@ def plan_whole(
     steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * work)
     shortest = 0
     for _ in range(attempts):
-        if _late(deadline):
+        if late(deadline):
             break
         candidates = plan_for(task, backend, steps, search, deadline)
         best = candidates[0]
@@ -99,9 +99,9 @@ def _plan_large(task: Task, backend: Backend, flown: list[Candidate], deadline: 
     found = [resting]
     guesses = [candidate for candidate in flown if candidate is not resting]
     for number, guess in enumerate(guesses[:_TRIED]):
-        if _late(deadline):
+        if late(deadline):
             break
-        until = _share(deadline, 0.8 / (_TRIED - number))
+        until = part_of(deadline, 0.8 / (_TRIED - number))
         motion = (guess.plan.position, guess.plan.velocity)
         position, velocity = improve(task, motion, backend, length=_STRETCH, passes=_PASSES, deadline=until)
         window = task.window(velocity.shape[0] - 1)
@@ -112,13 +112,6 @@ def _plan_large(task: Task, backend: Backend, flown: list[Candidate], deadline: 
     found += [guess for guess in guesses if guess.feasible]
     finished = [_extended(task, candidate, backend, deadline) for candidate in found if candidate.feasible]
     return min(finished, key=lambda candidate: candidate.rank)
-
-
-def _share(deadline: float | None, part: float) -> float | None:
-    if deadline is None:
-        return None
-    now = time.perf_counter()
-    return now + part * max(deadline - now, 0.0)
 
 
 def plan_shortest(
@@ -138,7 +131,7 @@ def plan_shortest(
     if not best.complete:
         return best
     failures = 0
-    while failures < _KEPT and best.plan.steps > task.least_steps and not _late(deadline):
+    while failures < _KEPT and best.plan.steps > task.least_steps and not late(deadline):
         more = replace(
             search,
             starts=_SYSTEMATIC + 8 * failures,
@@ -185,7 +178,7 @@ def _extended(task: Task, candidate: Candidate, backend: Backend, deadline: floa
         tour = tour_guess(rest.fleet, rest.cell, rest.weight, rest.position)
         flight = rest.flown(tour, None)
         more = as_flown(rest, tour, flight)
-        if not more.feasible and not _late(deadline):
+        if not more.feasible and not late(deadline):
             more = plan_for(rest, backend, flight.steps, Search(starts=2, finalists=1), deadline)[0]
         if not more.feasible or more.plan.steps == 0:
             break
@@ -199,7 +192,3 @@ def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:
     window = task.window(steps)
     judged = judge(window, window.decision(first.plan.position[0], velocity))
     return candidate_of(task, steps, judged, f"{first.kind}, then {second.kind}")
-
-
-def _late(deadline: float | None) -> bool:
-    return deadline is not None and time.perf_counter() >= deadline
