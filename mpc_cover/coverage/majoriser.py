@@ -71,6 +71,7 @@ class Majoriser:
     weight : (R,) gamma.
     sample : (R, M) index of the samples that a term depends on.
     slope : (R, M, d) w_n (qbar_n - p) / ||qbar_n - p||.
+    share : (R, M) w, the gradient of the soft minimum; rows sum to 1.
     cost : sum gamma pos(level), the value at the motion [m].
     """
 
@@ -78,8 +79,8 @@ class Majoriser:
     weight: FloatArray
     sample: IntArray
     slope: FloatArray
+    share: FloatArray
     cost: float
-    _share: FloatArray
     _direction: FloatArray
     _distance: FloatArray
 
@@ -87,7 +88,7 @@ class Majoriser:
         """Return (samples, d, d): the sum over some terms of gamma w (I - r r') / d  (W_k of Appendix A)."""
         dimension = self.slope.shape[2]
         blocks = np.zeros((samples, dimension, dimension))
-        scale = (self.weight[term, None] * self._share[term]) / np.maximum(self._distance[term], _SHORTEST)
+        scale = (self.weight[term, None] * self.share[term]) / np.maximum(self._distance[term], _SHORTEST)
         direction = self._direction[term]
         index = self.sample[term].ravel()
         for a in range(dimension):
@@ -124,7 +125,7 @@ def build_majoriser(
         sample=nearest.sample,
         slope=share[:, :, None] * direction,
         cost=float(nearest.weight @ np.maximum(level, 0.0)),
-        _share=share,
+        share=share,
         _direction=direction,
         _distance=nearest.distance,
     )

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.coverage.majoriser import Softness
-from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.planning.deadline import late
 from mpc_cover.planning.problem import CoverageProblem
@@ -29,14 +27,15 @@ if TYPE_CHECKING:
 FEASIBILITY = 2e-4
 """Violation [m, m/s, m/s^2] that margins absorb many times over."""
 
-SHARPNESS = (1.0, 2.0, 4.0, 8.0, 12.0, 20.0, 40.0)
-"""beta times the sensing radius, stage by stage."""
+SHARPNESS = (4.0, 10.0, 30.0, 100.0)
+"""beta times the sensing radius, stage by stage; finer steps and softer beginnings took longer and covered less."""
 
-_KICKS, _KICK, _KICKED = 4, 4.0, (8.0, 20.0, 40.0)
-"""What is uncovered weighs so much more, so many times, and the stages that follow."""
-_WORTH_KICKING = 1.0
-"""More than this many sensing radii of cost is no matter of a few cells."""
-_TOLERANCE = {"osqp": 1e-3, "clarabel": 1e-5, "piqp": 1e-5}
+MARGIN = 0.7
+"""Sensing margin times beta; log 2 is what two equally near samples take off the minimum."""
+
+_SHARP = 30.0
+"""From this sharpness on QPs are solved to the finer of the tolerances."""
+_LOOSE, _FINE = 1e-3, {"osqp": 1e-3, "clarabel": 1e-4, "piqp": 1e-4}
 """An inexact QP inside the SQP costs little: the roll-out is exact and the merit judges the step."""
 
 
@@ -63,12 +62,12 @@ class Refined:
         return self.violation <= FEASIBILITY
 
 
-def softness_at(sharpness: float, radius: float, count: int = 6) -> Softness:
+def softness_at(sharpness: float, radius: float, count: int = 6, margin: float = MARGIN) -> Softness:
     """Return the soft minimum of a stage; `radius` [m] sets the length scale.
 
-    The margin 0.7/beta makes up for what the soft minimum lies below the hard one.
+    The sensing margin, `margin` over beta, makes up for what the soft minimum lies below the hard one.
     """
-    return Softness(beta=sharpness / radius, margin=max(0.7 / sharpness, 0.02) * radius, count=count)
+    return Softness(beta=sharpness / radius, margin=margin / sharpness * radius, count=count)
 
 
 def length_scale(window: Window) -> float:
@@ -87,11 +86,13 @@ def refine(
     region: float = 1.0,
     deadline: float | None = None,
     exact_cones: bool = False,
-    count: int = 6,
+    margin: float = MARGIN,
+    fine: bool = False,
 ) -> Refined:
     """Lower J from the decision vector `x`, stage by stage; anytime: the best feasible motion is returned.
 
-    `iterations` bounds the QPs of a stage, `count` the samples that a cell looks at; `region` is the first trust
+    `iterations` bounds the QPs of a stage; `margin` is the sensing margin times beta; `fine` asks
+    for accurate QPs in all stages, not only the last; `region` is the first trust
     radius in sensing radii; `deadline` is on `time.perf_counter`; `exact_cones` needs a back-end that has them.
     Stops early once everything is covered.
     """
@@ -103,7 +104,6 @@ def refine(
         smallest_step=1e-5,
         region=TrustRegion(region * scale, smallest=0.01 * scale, largest=2.0 * scale, shrink=0.4, grow=1.5),
         line_search=Backtracking(most=2),
-        qp=QPOptions(tolerance=_TOLERANCE[backend.name]),
     )
     best = judge(window, x)
     current, stages = x, []
@@ -112,48 +112,17 @@ def refine(
             break
         if late(deadline):
             break
-        problem = CoverageProblem(window, Settings(softness_at(value, scale, count), exact_cones=exact_cones))
-        result = sqp.solve(problem, current, backend, options, deadline=deadline)
+        softness = softness_at(value, scale, margin=margin)
+        problem = CoverageProblem(window, Settings(softness, exact_cones=exact_cones))
+        tolerance = _FINE[backend.name] if fine or value >= _SHARP else _LOOSE
+        staged = replace(options, qp=QPOptions(tolerance=tolerance))
+        result = sqp.solve(problem, current, backend, staged, deadline=deadline)
         stages.append(result)
         current = result.x
         found = judge(window, current)
-        if _better(found, best):
+        if better(found, best):
             best = found
     return Refined(best.x, best.cost, best.violation, tuple(stages))
-
-
-def refine_thoroughly(
-    window: Window,
-    x: FloatArray,
-    backend: Backend,
-    *,
-    deadline: float | None = None,
-    exact_cones: bool = False,
-) -> Refined:
-    """Lower J from one start in several ways until everything is covered; the best is returned.
-
-    First quickly from a rather sharp minimum, as good starts need no more; then from a very soft one that
-    looks at more samples; then, from the best so far, with what is still uncovered weighing more.
-    """
-    refined = partial(refine, backend=backend, deadline=deadline, exact_cones=exact_cones)
-    best = refined(window, x, sharpness=SHARPNESS[2:], iterations=6)
-    stages = best.stages
-    if best.cost > 0.0 or not best.feasible:
-        again = refined(window, x, iterations=6, count=10)
-        stages += again.stages
-        best = again if _better(again, best) else best
-    weight = window.weight
-    for _ in range(_KICKS):
-        if best.cost == 0.0 or best.cost > _WORTH_KICKING * length_scale(window) or not best.feasible:
-            break
-        position, _velocity = window.motion(best.x)
-        left = still_owed(position, window.cell, window.fleet.radius, window.weight) > 0.0
-        weight = np.where(left, _KICK * weight, weight)
-        kicked = refined(replace(window, weight=weight), best.x, sharpness=_KICKED, iterations=5, region=0.5)
-        stages += kicked.stages
-        last = judge(window, kicked.stages[-1].x if kicked.stages else best.x)
-        best = last if _better(last, best) else best
-    return replace(best, stages=stages)
 
 
 def judge(window: Window, x: FloatArray) -> Refined:
@@ -164,7 +133,8 @@ def judge(window: Window, x: FloatArray) -> Refined:
     return Refined(x, cost, problem.measure(x).violation, ())
 
 
-def _better(new: Refined, old: Refined) -> bool:
+def better(new: Refined, old: Refined) -> bool:
+    """Whether `new` is the better motion: feasible before cheaper, and what is not feasible, the less so."""
     if new.feasible != old.feasible:
         return new.feasible
     return new.cost < old.cost if new.feasible else new.violation < old.violation

@@ -45,9 +45,16 @@ class Engine:
         """Plan everything that is owed from a few starts, refined once if there is time."""
         return plan_whole(task, self._backend, attempts=1, search=Search(starts=3, finalists=1), deadline=deadline)
 
-    def fixed(self, task: Task, steps: int, search: Search, deadline: float | None) -> Candidate:
+    def fixed(
+        self,
+        task: Task,
+        steps: int,
+        search: Search,
+        deadline: float | None,
+        told: Callable[[int, Candidate], None] | None = None,
+    ) -> Candidate:
         """Plan exactly `steps` samples."""
-        return plan_for(task, self._backend, steps, search, deadline)[0]
+        return plan_for(task, self._backend, steps, search, deadline, told)[0]
 
     def shortest(
         self, task: Task, search: Search, deadline: float | None, told: Callable[[int, Candidate], None] | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.task import Candidate
 
+_ROUNDS = 20
+"""Hops out of local minima, as long as something is left over and nobody limits the time."""
+
 
 @dataclass(frozen=True)
 class PlanOptions:
@@ -32,7 +35,8 @@ class PlanOptions:
     backend : QP back-end.
     seed : of the random starts.
     starts : guesses that are told apart.
-    time_limit_s : of the whole search; None for none, and the same result every time.
+    time_limit_s : of the whole search, which goes on until then while anything is left over; None for a search
+        of bounded effort, with the same result every time.
     min_time : whether to search for the shortest plan that covers everything, instead of a fixed duration.
     exact_cones : second-order cones for speeds, inputs and edges instead of polytopes inside them.
     """
@@ -66,11 +70,13 @@ def plan_mission(
     engine, task = Engine(options.backend), offline_task(mission)
     steps = round(mission.spec.planning.duration_s / task.period)
     deadline = None if options.time_limit_s is None else time.perf_counter() + options.time_limit_s
-    search = Search(options.starts, 3, seed=options.seed, thorough=True, exact_cones=options.exact_cones)
+    rounds = _ROUNDS if deadline is None else None
+    search = Search(options.starts, 3, seed=options.seed, rounds=rounds, exact_cones=options.exact_cones)
+    tell = _teller(task.period, told)
     if options.min_time:
-        found = engine.shortest(task, search, deadline, _teller(task.period, told))
+        found = engine.shortest(task, replace(search, rounds=_ROUNDS), deadline, tell)
     else:
-        found = engine.fixed(task, steps, search, deadline)
+        found = engine.fixed(task, steps, search, deadline, tell)
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
     return _trajectory(mission, options, found)

@@ -9,18 +9,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.planning.continuation import SHARPNESS, judge, length_scale, refine, refine_thoroughly
+from mpc_cover.planning.continuation import SHARPNESS, judge, length_scale, refine
 from mpc_cover.planning.deadline import late, part_of
 from mpc_cover.planning.guesses import Guess, rest_guess, sweep_guesses, tour_guess
+from mpc_cover.planning.hopping import hopped, kicked
 from mpc_cover.planning.task import Candidate, Task, candidate_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.planning.continuation import Refined
     from solvers.backends.base import Backend
 
-COARSE = (2.0, 8.0, 20.0)
+    Told = Callable[[int, Candidate], None]
+
+COARSE = (4.0, 10.0, 30.0)
 """Stages that tell good starts from bad ones: after them the order of the costs is nearly the final one."""
 _FIRST = ("comb", "snake", "strips", "tour")
 """Kinds in the order in which they tend to end well."""
@@ -42,7 +46,7 @@ class Search:
     finalists : the best of them, refined until one covers everything.
     seed : of the random ones.
     kinds : only these guesses, in this order; empty for all.
-    thorough : whether finalists are also refined in several ways from their start.
+    rounds : hops from the best finalist while it leaves something over; None for as many as there is time for.
     exact_cones : second-order cones instead of polytopes, where the back-end has them.
     """
 
@@ -50,18 +54,25 @@ class Search:
     finalists: int = 2
     seed: int = 0
     kinds: tuple[str, ...] = ()
-    thorough: bool = False
+    rounds: int | None = 0
     exact_cones: bool = False
 
 
 def plan_for(
-    task: Task, backend: Backend, steps: int, search: Search | None = None, deadline: float | None = None
+    task: Task,
+    backend: Backend,
+    steps: int,
+    search: Search | None = None,
+    deadline: float | None = None,
+    told: Told | None = None,
 ) -> list[Candidate]:
     """Return plans of exactly `steps` samples, the best first, from several starts; anytime.
 
-    The list holds what became of each start that was tried. `deadline` is on `time.perf_counter`.
+    The list holds what became of each start that was tried. `deadline` is on `time.perf_counter`; `told` hears
+    of the length and each better plan.
     """
     search = search or Search()
+    tell = told or _nobody
     window = task.window(steps)
     screening = part_of(deadline, 0.5)
     tried: list[tuple[Guess, Refined]] = []
@@ -87,8 +98,13 @@ def plan_for(
         if min(found, key=lambda c: c.rank).complete or late(deadline):
             break
         found.append(_finished(task, backend, steps, (guess, coarse), deadline, search))
-    still = task.flown(rest_guess(task.position), steps)
-    found.append(candidate_of(task, steps, judge(window, window.exact_ends(still.decision)), "rest"))
+    best = min(found, key=lambda candidate: candidate.rank)
+    tell(steps, best)
+    still = window.exact_ends(task.flown(rest_guess(task.position), steps).decision)
+    if not best.complete and search.rounds != 0:
+        guesses = [still, *(window.exact_ends(task.flown(guess, steps).decision) for guess, _ in tried)]
+        found.append(_hopped(task, backend, best, guesses, deadline, search, tell))
+    found.append(candidate_of(task, steps, judge(window, still), "rest"))
     return sorted(found, key=lambda candidate: candidate.rank)
 
 
@@ -110,11 +126,43 @@ def _finished(
     if first.complete or first.cost > _HOPELESS * length_scale(window) or late(deadline):
         return first
     x = window.exact_ends(task.flown(guess, steps).decision)
-    if search.thorough:
-        again = refine_thoroughly(window, x, backend, deadline=deadline, exact_cones=exact)
-    else:
-        again = refined(x=x, iterations=6)
+    again = refined(x=x)
     return min(first, candidate_of(task, steps, again, guess.kind), key=lambda candidate: candidate.rank)
+
+
+def _hopped(
+    task: Task,
+    backend: Backend,
+    best: Candidate,
+    guesses: list[FloatArray],
+    deadline: float | None,
+    search: Search,
+    tell: Told,
+) -> Candidate:
+    """Leave the local minimum that the best plan is in."""
+    steps = best.plan.steps
+    window = task.window(steps)
+    if best.refined is None:
+        return best
+    exact = search.exact_cones
+    pushed = kicked(window, best.refined, backend, deadline=deadline, exact_cones=exact)
+    found = hopped(
+        window,
+        pushed,
+        backend,
+        rounds=search.rounds,
+        guesses=guesses,
+        seed=search.seed,
+        deadline=deadline,
+        exact_cones=exact,
+        told=lambda refined: tell(steps, candidate_of(task, steps, refined, best.kind)),
+    )
+    return candidate_of(task, steps, found, best.kind)
+
+
+def _nobody(steps: int, candidate: Candidate) -> None:
+    """Hear nothing."""
+    del steps, candidate
 
 
 def starts(task: Task, search: Search) -> Iterator[Guess]:

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from mpc_cover.coverage.majoriser import Majoriser
     from mpc_cover.planning.window import Requirements, Settings, Window
 
+_NEGLIGIBLE = 1e-2
+"""Samples with a smaller share in a soft minimum are left out of its row: fewer entries, much less fill-in."""
+
 
 @dataclass(frozen=True, eq=False)
 class Terms:
@@ -54,16 +57,19 @@ class Terms:
 def coverage_terms(layout: Layout, position: FloatArray, majoriser: Majoriser, radius: float) -> Terms:
     """Split the majoriser's terms: far ones are linear, near ones get a slack, deep ones drop out."""
     samples = position.shape[0] * layout.agents
-    reach = radius * np.sqrt(layout.dimension)  # slopes of a term sum to at most one
+    reach = radius * np.abs(majoriser.slope).sum(axis=(1, 2))  # a term changes by at most this
     far = majoriser.level > reach
     near = np.flatnonzero(np.abs(majoriser.level) <= reach)
     linear = majoriser.gradient(far, samples)
     curvature = majoriser.curvature(majoriser.level > 0.0, samples)
     sample, slope = majoriser.sample[near], majoriser.slope[near]
-    column = (sample * layout.dimension)[:, :, None] + np.arange(layout.dimension)
-    here = np.einsum("rmd,rmd->r", slope, position.reshape(samples, layout.dimension)[sample])
+    term, nth = np.nonzero(majoriser.share[near] >= _NEGLIGIBLE)
+    sample, slope = sample[term, nth], slope[term, nth]
+    column = (sample * layout.dimension)[:, None] + np.arange(layout.dimension)
+    each = np.einsum("ed,ed->e", slope, position.reshape(samples, layout.dimension)[sample])
+    here = np.bincount(term, each, near.size)
     rows = Rows(
-        row=np.repeat(np.arange(near.size), slope[0].size if near.size else 0),
+        row=np.repeat(term, layout.dimension),
         column=column.ravel(),
         value=slope.ravel(),
         lower=np.full(near.size, -np.inf),

@@ -127,7 +127,7 @@ def plan_shortest(
     Goes down a sample at a time from a short plan, with more starts each time one length fails: three
     failures, or the deadline, end it. `told` hears of each length that was tried.
     """
-    best = plan_whole(task, backend, search=search, deadline=deadline)
+    best = plan_whole(task, backend, search=replace(search, rounds=0), deadline=deadline)
     if not best.complete:
         return best
     failures = 0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mpc_cover.planning import continuation
-from mpc_cover.planning.continuation import refine_thoroughly
+from mpc_cover.planning.hopping import refine_thoroughly
 from mpc_cover.planning.planner import Search, plan_for
 from mpc_cover.planning.problem import CoverageProblem
 from mpc_cover.studies.patching import patched
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mpc_cover.studies.watch import Answer, Watch
     from solvers.nlp import ConvexModel
 
-SEARCH = Search(starts=10, finalists=3, thorough=True)
+SEARCH = Search(starts=10, finalists=3, rounds=None)
 """What `mpc-cover plan` searches."""
 
 
@@ -44,7 +44,7 @@ def refined(case: Case, x: FloatArray, watch: Watch, *, backend: str) -> Answer:
     watch.begin(x)
     with _watched(watch, x) as seen:
         try:
-            found = refine_thoroughly(case.window, x, solver, deadline=watch.deadline)
+            found = refine_thoroughly(case.window, x, solver, rounds=None, deadline=watch.deadline)
         except Enough:
             return watch.answer(seen.x, seen.subproblems, "everything is covered" if watch.complete else "time is up")
     status = found.stages[-1].outcome.sentence if found.stages else "nothing to do"
