@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from mpc_cover.coverage.majoriser import Majoriser
     from mpc_cover.planning.window import Requirements, Settings, Window
 
-_NEGLIGIBLE = 1e-2
-"""Samples with a smaller share in a soft minimum are left out of its row: fewer entries, much less fill-in."""
+_NEGLIGIBLE = 1e-6
+"""Samples with a smaller share in a soft minimum are left out of its row: they only fill the factors."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -124,19 +124,20 @@ def plan_shortest(
 ) -> Candidate:
     """Return the shortest plan that covers everything which the search finds.
 
-    Goes down a sample at a time from a short plan, with more starts each time one length fails: three
-    failures, or the deadline, end it. `told` hears of each length that was tried.
+    Goes down a sample at a time from a short plan, with more starts and hops each time one length fails: three
+    failures end it, or the deadline where there is one. `told` hears of each length that was tried.
     """
     best = plan_whole(task, backend, search=replace(search, rounds=0), deadline=deadline)
     if not best.complete:
         return best
     failures = 0
-    while failures < _KEPT and best.plan.steps > task.least_steps and not late(deadline):
+    while (failures < _KEPT or deadline is not None) and best.plan.steps > task.least_steps and not late(deadline):
         more = replace(
             search,
             starts=_SYSTEMATIC + 8 * failures,
             finalists=6 + 4 * failures,
             seed=search.seed + failures,
+            rounds=(search.rounds or 0) * 2**failures,
         )
         steps = best.plan.steps - 1
         candidate = plan_for(task, backend, steps, more, deadline)[0]

@@ -12,6 +12,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from motions import random_window, replace, settings
 
+from mpc_cover.coverage.majoriser import soft_minimum
 from mpc_cover.planning.continuation import FEASIBILITY, judge, refine, softness_at
 from mpc_cover.planning.problem import CoverageProblem
 from mpc_cover.verification.motion import verify_motion
@@ -54,10 +55,12 @@ def test_a_deadline_that_has_passed_returns_the_start():
     assert result.stages == ()
 
 
-def test_the_margin_makes_up_for_the_soft_minimum_and_never_vanishes():
-    assert softness_at(4.0, 2.0).beta == pytest.approx(2.0)
-    assert softness_at(4.0, 2.0).margin == pytest.approx(0.35)
-    assert softness_at(1e6, 2.0).margin == pytest.approx(0.04)
+def test_the_margin_makes_up_for_the_soft_minimum_of_two_equally_near_samples():
+    for sharpness in (1.0, 4.0, 100.0):
+        softness = softness_at(sharpness, 2.0)
+        assert softness.beta == pytest.approx(sharpness / 2.0)
+        value, _ = soft_minimum(np.array([[0.0, 0.0]]), softness.beta)
+        assert -value[0] == pytest.approx(softness.margin, rel=0.02)
 
 
 def test_a_path_that_leaves_the_box_between_two_samples_only_is_a_violation():

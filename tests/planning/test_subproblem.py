@@ -15,7 +15,7 @@ from solvers.backends.base import Options
 from solvers.backends.registry import make_backend
 
 TIGHT = {
-    "osqp": Options(tolerance=1e-5, max_iterations=200_000),
+    "osqp": Options(tolerance=1e-4, max_iterations=200_000),
     "clarabel": Options(tolerance=1e-9),
     "piqp": Options(tolerance=1e-9),
 }
