@@ -17,8 +17,8 @@ from mpc_cover.control.fallback import Rung, brake_plan, shifted_plan
 from mpc_cover.control.readiness import slowed, tightened, without
 from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
 from mpc_cover.coverage.nearest import still_owed
-from mpc_cover.errors import UserError
-from mpc_cover.information.coverage_map import CoverageMap
+from mpc_cover.information.build import make_map
+from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.stretches import resampled
@@ -26,14 +26,17 @@ from mpc_cover.planning.task import Task
 from mpc_cover.verification.motion import verify_motion
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
+    from mpc_cover.planning.task import Candidate
 
 _QPS = 2
 """QPs a step at the most: the rest of the budget is for what goes wrong."""
 _SHARE = 0.3
 """Part of the time for a step that polishing may take: a plan that is good already needs no more."""
+_LAST = 3
+"""So few samples before its end a mission plan that leaves something owed gives way to the next."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +70,6 @@ class RecedingHorizon:
     """
 
     def __init__(self, mission: Mission, *, backend: str = "piqp", seed: int = 0) -> None:
-        if mission.spec.area.looks > 1:
-            raise UserError(
-                f"area.looks: {mission.spec.area.looks}: only `plan` plans for several looks, flights do not"
-            )
         self._given = mission
         self._tight = tightened(mission)
         self._lost = np.zeros(mission.fleet.size, dtype=bool)
@@ -79,7 +78,8 @@ class RecedingHorizon:
         self._period = mission.spec.control.period_s
         self._engine = Engine(backend)
         self.seed = seed
-        self.coverage = CoverageMap(mission)
+        self.coverage = make_map(mission)
+        self._lap_s = 0.0
         self._whole: Plan | None = None
         self._published: Plan | None = None
 
@@ -95,7 +95,7 @@ class RecedingHorizon:
         if self.coverage.complete:
             return self._result(begun, deadline, *self._stop(start))
         candidate = self._engine.whole(self._task(start), deadline)
-        self._whole = candidate.plan if candidate.feasible else None
+        self._begin(candidate)
         return self._result(begun, deadline, *self._next(start, candidate.kind))
 
     def step(
@@ -107,9 +107,8 @@ class RecedingHorizon:
         if self.coverage.complete:
             return self._result(begun, deadline, *self._stop(start))
         whole, reason = self._rest_of_whole(start), "replanned"
-        if whole is None:
-            candidate = self._engine.quick(self._task(start), deadline)
-            self._whole = candidate.plan if candidate.feasible else None
+        if whole is None or self._runs_out(whole, start):
+            self._begin(self._engine.quick(self._task(start), deadline))
         else:
             self._whole, reason = self._improved(whole, start, deadline)
         return self._result(begun, deadline, *self._next(start, reason))
@@ -135,9 +134,23 @@ class RecedingHorizon:
         self._whole = None
 
     def _task(self, start: Start) -> Task:
-        weight = self.coverage.owed * self._mission.field.weight
-        cell = self._mission.field.cell
-        return Task(self._mission.fleet, cell, weight, start.position, start.velocity, start.time, self._period)
+        self.coverage.begin_lap(start.time, self._lap_s)
+        owed, field = self.coverage.demand(start.time, start.position), self._mission.field
+        weight, state = owed.gamma * field.weight, (start.position, start.velocity, start.time)
+        return Task(self._mission.fleet, field.cell, weight, *state, self._period, looks=owed.looks)
+
+    def _begin(self, candidate: Candidate) -> None:
+        """Go on with a new mission plan, if there is one."""
+        self._whole = candidate.plan if candidate.feasible else None
+        if self._whole is not None:
+            self._lap_s = max(self._lap_s, self._whole.steps * self._period)
+
+    def _runs_out(self, whole: Plan, start: Start) -> bool:
+        """Return whether a mission plan that was made for a part of what is owed only is about to end."""
+        if whole.steps > _LAST or self.coverage.endless:
+            return whole.steps <= _LAST
+        weight, looks = self._left_by(whole.position, start)
+        return looks is not None and bool((weight > 0.0).any())
 
     def _rest_of_whole(self, start: Start) -> Plan | None:
         """Return what is left of the mission plan from this state on, or None when it is over or of no use."""
@@ -153,13 +166,13 @@ class RecedingHorizon:
     def _improved(self, whole: Plan, start: Start, deadline: float | None) -> tuple[Plan, str]:
         """Re-solve the stretch within the horizon, a sample shorter if all that was to be covered still is."""
         stretch = stretch_steps(whole, self._mission)
-        weight = self._left_by(whole.position[stretch + 1 :])
-        window = stretch_window(whole, self._mission, weight, stretch, stretch)
+        weight, looks = self._left_by(whole.position[stretch + 1 :], start)
+        window = replace(stretch_window(whole, self._mission, weight, stretch, stretch), looks=looks)
         x = window.decision(whole.position[0], whole.velocity[: stretch + 1])
         now = self._engine.judge(window, x)
         sooner = int(now.cost == 0.0 and stretch > 2)  # noqa: PLR2004 - nothing to be gained from less
         if sooner:
-            window = stretch_window(whole, self._mission, weight, stretch, stretch - 1)
+            window = replace(stretch_window(whole, self._mission, weight, stretch, stretch - 1), looks=looks)
             x = window.decision(whole.position[0], resampled(whole.velocity[: stretch + 1], stretch - 1))
         found = self._engine.polish(window, x, _QPS, part_of(deadline, _SHARE))
         better = found.cost == 0.0 if sooner else found.cost < now.cost
@@ -169,11 +182,15 @@ class RecedingHorizon:
                 return plan, "a sample sooner" if sooner else "more coverage"
         return whole, "no sample sooner" if sooner else "no better"
 
-    def _left_by(self, later: FloatArray) -> FloatArray:
-        """Return the weights (J, K) of what is owed and not covered by later positions of the mission plan."""
-        mission = self._mission
-        weight = self.coverage.owed * mission.field.weight
-        return still_owed(later, mission.field.cell, mission.fleet.radius, weight)
+    def _left_by(self, later: FloatArray, start: Start) -> tuple[FloatArray, IntArray | None]:
+        """Return weights and looks (J, K) of what is owed and not covered by later positions of the mission plan."""
+        field, radius = self._mission.field, self._mission.fleet.radius
+        owed = self.coverage.demand(start.time, start.position)
+        weight = owed.gamma * field.weight
+        if owed.looks is None:
+            return still_owed(later, field.cell, radius, weight), None
+        left = np.maximum(owed.looks - look_counts(later, field.cell, radius), 0)
+        return np.where(left > 0, weight, 0.0), left
 
     def _next(self, start: Start, reason: str) -> tuple[Plan, Rung, str]:
         """Cut the horizon out of the mission plan, end it at rest, verify it; else go down the ladder."""

@@ -66,6 +66,11 @@ class KalmanMap(ResidualMap):
         """(J, K) x, in the field's unit."""
         return np.asarray(self.state / self.information)
 
+    @property
+    def kept(self) -> dict[str, FloatArray]:
+        """The arrays that say what was measured; to write to them is to remember."""
+        return {**super().kept, "information": self.information, "state": self.state}
+
     def gamma_at(self, place: IntArray | slice) -> FloatArray:
         """Return pos(P - P_max) at places of the flattened (J, K) array."""
         left = 1.0 / self.information.reshape(-1)[place] - self.enough

@@ -74,6 +74,6 @@ class Sensing(Protocol):
         """(J, K): magnitudes and cells."""
         ...
 
-    def looks(self, time_s: float, position: FloatArray, agent: IntArray | None = None) -> Looks:
-        """Return what agents (m,) at (m, d) positions [m] measure at a mission time [s]."""
+    def looks(self, time_s: float | FloatArray, position: FloatArray, agent: IntArray | None = None) -> Looks:
+        """Return what agents (m,) at (m, d) positions [m] measure at a mission time [s], or each at its own."""
         ...

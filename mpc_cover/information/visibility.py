@@ -60,10 +60,10 @@ class Visibility:
         """(J, K): magnitudes and cells."""
         return self._shape
 
-    def looks(self, time_s: float, position: FloatArray, agent: IntArray | None = None) -> Looks:
+    def looks(self, time_s: float | FloatArray, position: FloatArray, agent: IntArray | None = None) -> Looks:
         """Return what agents (m,) at (m, d) positions [m] measure at a time [s]; NaN rows see nothing.
 
-        `agent` are indices into the fleet; left out, the rows are the whole fleet.
+        `agent` are indices into the fleet; left out, the rows are the whole fleet. `time_s` may be (fleet,), too.
         """
         index = np.arange(position.shape[0]) if agent is None else agent
         known = (np.abs(position) < _FAR).all(axis=1)
@@ -72,7 +72,8 @@ class Visibility:
         row, cell, square = self._in_reach(position[able], self._farthest[index])
         parts = [self._of_magnitude(j, index[row], cell, square) for j in range(self._shape[0])]
         who, place, near, radius = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
-        return Looks(who, place, np.sqrt(near), radius, np.full(who.size, time_s))
+        when = np.full(who.size, time_s) if np.ndim(time_s) == 0 else np.asarray(time_s, dtype=float)[who]
+        return Looks(who, place, np.sqrt(near), radius, when)
 
     def _of_magnitude(self, j: int, who: IntArray, cell: IntArray, square: FloatArray) -> tuple[Any, ...]:
         """Return (agent, place, squared distance, radius) of the looks at magnitude j."""

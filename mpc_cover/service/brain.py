@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from enum import Enum
 
     from mpc_cover.arrays import BoolArray, FloatArray
-    from mpc_cover.information.coverage_map import CoverageMap
+    from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
 
@@ -45,7 +45,7 @@ class StepOutcome(Protocol):
 class Brain(Protocol):
     """See `control.receding_horizon.RecedingHorizon`; tests hand in simpler ones."""
 
-    coverage: CoverageMap
+    coverage: FlownMap
 
     def prepare(
         self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.errors import UnreadableFileError
-from mpc_cover.model.sensing import covered_at
+from mpc_cover.information.replay import measured_at
 from mpc_cover.service.flight import STANDSTILL, Plant, Schedule
 from mpc_cover.service.recorder import MemoryRecorder
 from mpc_cover.trajectory import Trajectory
@@ -114,7 +114,7 @@ def merge(
         velocity=np.stack([v for _, v in states], axis=1),
         input=np.stack([motion.input[motion.rows(middle)] for motion in motions], axis=1),
         cell=mission.field.cell,
-        covered_at=covered_at(time - first, position, mission.field.cell, mission.fleet.radius),
+        covered_at=measured_at(mission, time - first, position),
         agent_id=mission.fleet.ids,
         mission=mission,
         meta={**meta, "lost": {name: end_s - first for name, end_s in ends.items()}} if ends else meta,

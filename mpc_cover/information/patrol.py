@@ -1,0 +1,106 @@
+"""Ageing maps in flight: laps over what is due, for ever (chapter 7)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.information.ageing import AgeingMap
+from mpc_cover.information.demand import Demand, checked, scaled
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.information.looks import Sensing
+
+
+class PatrolMap:
+    """What is due again; satisfies `demand.FlownMap`, and is never complete.
+
+    Places that were never measured are owed from the start, and as old as the mission. A lap is what a plan has to
+    cover: what will be too old when the lap is over, as far as it was not measured since the lap began.
+
+    Parameters
+    ----------
+    sensing : which cells are in range.
+    limit_s : how long a look is as good as new [s].
+    growth_per_s : gamma's growth beyond that [1/s].
+    """
+
+    endless = True
+    complete = False
+
+    def __init__(self, sensing: Sensing, limit_s: float, growth_per_s: float = 1.0) -> None:
+        self.ages = AgeingMap(sensing, limit_s)
+        self.first: FloatArray = np.full(sensing.shape, np.inf)
+        self._sensing, self._limit, self._growth = sensing, limit_s, growth_per_s
+        self._lap: FloatArray = np.full(sensing.shape, 1.0)
+
+    def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
+        """Take what a fleet at (m, d) positions [m] measures at a mission time [s], or each agent at its own (m,)."""
+        looks = self._sensing.looks(time_s, position)
+        np.minimum.at(self.first.reshape(-1), looks.place, looks.time_s)
+        self._lap.reshape(-1)[looks.place] = 0.0
+        self.ages.take(looks)
+        heard = np.asarray(time_s, dtype=float)
+        self.ages.pass_time(float(heard.max(initial=self.ages.now_s, where=np.isfinite(heard))))
+
+    @property
+    def residual(self) -> FloatArray:
+        """(J, K) gamma: by how much the age exceeds its limit, times its growth."""
+        return self._growth * self.ages.residual
+
+    def begin_lap(self, time_s: float, lap_s: float) -> None:
+        """Take into the lap what will be too old at `time_s` + `lap_s` [s], by how much it will; and what is unknown."""
+        excess = np.maximum(time_s + lap_s - self.ages.last - self._limit, 0.0)
+        unknown = np.isinf(self.first)
+        excess[unknown] = excess.max(initial=1.0, where=~unknown)
+        self._lap = scaled(excess)
+
+    def demand(self, time_s: float, position: FloatArray) -> Demand:  # noqa: ARG002 - as all maps
+        """Return what is left of the lap."""
+        return Demand(self._lap.copy())
+
+    @property
+    def owed(self) -> BoolArray:
+        """(J, K): what is too old now, or unknown."""
+        return self.ages.owed | np.isinf(self.first)
+
+    @property
+    def covered_at(self) -> FloatArray:
+        """(K,) [s]: when the last magnitude was measured for the first time; inf where never."""
+        return np.asarray(self.first.max(axis=0))
+
+    @property
+    def settled(self) -> BoolArray:
+        """(K,): where nothing is too old now."""
+        return np.asarray(~self.owed.any(axis=0))
+
+    @property
+    def cell_count(self) -> int:
+        """Number of cells K."""
+        return int(self.first.shape[1])
+
+    @property
+    def covered_count(self) -> int:
+        """Number of cells on which nothing is too old now."""
+        return int(self.settled.sum())
+
+    @property
+    def fraction(self) -> float:
+        """Part of the cells on which nothing is too old now."""
+        return self.covered_count / self.cell_count
+
+    def state(self) -> dict[str, FloatArray]:
+        """Return all that a successor needs to go on as if nothing had happened."""
+        kept = {"first": self.first, "last": self.ages.last, "lap": self._lap}
+        return {name: array.copy() for name, array in kept.items()} | {"now_s": np.array([self.ages.now_s])}
+
+    def restore(self, state: Mapping[str, FloatArray]) -> None:
+        """Go on from what `state` returned; a ValueError if it is that of another map."""
+        shape = self.first.shape
+        found = checked(state, {"first": shape, "last": shape, "lap": shape, "now_s": (1,)})
+        self.first, self.ages.last, self._lap = found["first"], found["last"], found["lap"]
+        self.ages.now_s = float(found["now_s"][0])
