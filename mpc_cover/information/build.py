@@ -30,8 +30,7 @@ def make_map(mission: Mission, margin_m: float | None = None) -> FlownMap:
     Sensing radii count less `margin_m` [m], by default the noise of the mission's positions.
     """
     given = mission.spec.information
-    special = isinstance(given, EffectiveInformation | KalmanInformation | AgeingInformation)
-    if mission.spec.looks == 1 and not special:
+    if not mission.spec.looks_again:
         return CoverageMap(mission, margin_m)
     noise_m = mission.spec.disturbance.position_noise_m if margin_m is None else margin_m
     sight = _Cautious(mission, noise_m) if noise_m else Visibility(mission.field, mission.fleet.radius)

@@ -35,7 +35,7 @@ class PatrolMap:
     def __init__(self, sensing: Sensing, limit_s: float, growth_per_s: float = 1.0) -> None:
         self.ages = AgeingMap(sensing, limit_s)
         self.first: FloatArray = np.full(sensing.shape, np.inf)
-        self._sensing, self._limit, self._growth = sensing, limit_s, growth_per_s
+        self._sensing, self.limit_s, self._growth = sensing, limit_s, growth_per_s
         self._lap: FloatArray = np.full(sensing.shape, 1.0)
 
     def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
@@ -54,7 +54,7 @@ class PatrolMap:
 
     def begin_lap(self, time_s: float, lap_s: float) -> None:
         """Take into the lap what will be too old at `time_s` + `lap_s` [s], by how much it will; and what is unknown."""
-        excess = np.maximum(time_s + lap_s - self.ages.last - self._limit, 0.0)
+        excess = np.maximum(time_s + lap_s - self.ages.last - self.limit_s, 0.0)
         unknown = np.isinf(self.first)
         excess[unknown] = excess.max(initial=1.0, where=~unknown)
         self._lap = scaled(excess)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.information.build import make_map
-from mpc_cover.information.coverage_map import CoverageMap
 from mpc_cover.model.sensing import covered_at
 
 if TYPE_CHECKING:
@@ -26,6 +25,6 @@ def replayed(mission: Mission, time: FloatArray, position: FloatArray) -> FlownM
 
 def measured_at(mission: Mission, time: FloatArray, position: FloatArray) -> FloatArray:
     """Return (K,) [s]: the first of the (T,) times by which nothing was owed any more on each cell; inf where never."""
-    if isinstance(make_map(mission), CoverageMap):
+    if not mission.spec.looks_again:
         return covered_at(time, position, mission.field.cell, mission.fleet.radius)
     return np.asarray(replayed(mission, time, position).covered_at)

@@ -10,7 +10,13 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from mpc_cover.mission.base import Finite, Model, Name, NonNegative, Point, Positive, no_flag
-from mpc_cover.mission.information import Information, LookInformation
+from mpc_cover.mission.information import (
+    AgeingInformation,
+    EffectiveInformation,
+    Information,
+    KalmanInformation,
+    LookInformation,
+)
 
 SCHEMA_VERSION = 1
 
@@ -175,3 +181,8 @@ class MissionSpec(Model):
         """K of K-coverage: how many looks each cell needs, each adding the same; 1 for the other kinds."""
         given = self.information
         return given.looks if isinstance(given, LookInformation) else self.area.looks
+
+    @property
+    def looks_again(self) -> bool:
+        """Whether more than a cell's first look matters."""
+        return self.looks > 1 or isinstance(self.information, EffectiveInformation | KalmanInformation | AgeingInformation)

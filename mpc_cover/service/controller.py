@@ -221,6 +221,9 @@ class Controller:
         if not self.brain.coverage.complete:
             if self._timeline.now() <= limit:
                 return False
+            if self.brain.coverage.endless:
+                self._enter(Phase.COMPLETE, f"the patrol ends after control.time_limit_s {limit:g} s")
+                return True
             owed = self.mission.field.size - self.brain.coverage.covered_count
             self._enter(Phase.FAILED, f"{owed} cells are not covered after control.time_limit_s {limit:g} s")
             return True
