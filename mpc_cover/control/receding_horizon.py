@@ -146,9 +146,11 @@ class RecedingHorizon:
             self._lap_s = max(self._lap_s, self._whole.steps * self._period)
 
     def _runs_out(self, whole: Plan, start: Start) -> bool:
-        """Return whether a mission plan that was made for a part of what is owed only is about to end."""
-        if whole.steps > _LAST or self.coverage.endless:
-            return whole.steps <= _LAST
+        """Return whether a mission plan has done its part, or is about to end, while more is to be done."""
+        if self.coverage.endless:
+            return not self.coverage.demand(start.time, start.position).gamma.any()
+        if whole.steps > _LAST:
+            return False
         weight, looks = self._left_by(whole.position, start)
         return looks is not None and bool((weight > 0.0).any())
 

@@ -53,9 +53,17 @@ class PatrolMap:
         return self._growth * self.ages.residual
 
     def begin_lap(self, time_s: float, lap_s: float) -> None:
-        """Take into the lap what will be too old at `time_s` + `lap_s` [s], by how much it will; and what is unknown."""
-        excess = np.maximum(time_s + lap_s - self.ages.last - self.limit_s, 0.0)
+        """Choose what the next lap has to cover, by how much too old it would get; and what is unknown.
+
+        A lap begins as late as it may: when something would be too old at its end, `time_s` + `lap_s` [s]. It takes
+        in all that would be too old another lap later, for which the lap after it would have to begin too early.
+        """
+        spare = self.ages.last + self.limit_s - time_s
         unknown = np.isinf(self.first)
+        if not unknown.any() and float(spare.min()) >= lap_s:
+            self._lap = np.zeros_like(spare)
+            return
+        excess = np.maximum(2.0 * lap_s - spare, 0.0)
         excess[unknown] = excess.max(initial=1.0, where=~unknown)
         self._lap = scaled(excess)
 
