@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
-from mpc_cover.mission.base import Finite, Model, Positive
+from mpc_cover.mission.base import Finite, Model, Positive, no_flag
 
-Seed = Annotated[int, Field(ge=0, le=2**32 - 1)]
+Seed = Annotated[int, Field(ge=0, le=2**32 - 1), BeforeValidator(no_flag)]
 
 
 class CoverageInformation(Model):
@@ -24,7 +24,7 @@ class LookInformation(Model):
     """K-coverage: so many looks settle a cell. A look is one agent's; its next at the same cell counts a period later."""
 
     kind: Literal["looks"]
-    looks: Annotated[int, Field(ge=1, le=100)]
+    looks: Annotated[int, Field(ge=1, le=100), BeforeValidator(no_flag)]
 
 
 class EffectiveInformation(Model):
@@ -53,7 +53,7 @@ class TrueField(Model):
     kind: Literal["bumpy"] = "bumpy"
     seed: Seed = 0
     """Of the bumps, and of the noise of the readings."""
-    bumps: Annotated[int, Field(ge=1, le=100)] = 5
+    bumps: Annotated[int, Field(ge=1, le=100), BeforeValidator(no_flag)] = 5
     amplitude: Positive = 3.0
     """Height of the highest bump that is possible, in the magnitude's unit."""
 

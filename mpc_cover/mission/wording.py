@@ -54,11 +54,11 @@ def _path(item: ErrorDetails, raw: object) -> str:
     """Return the dotted path, without the tags of unions, which the user never wrote."""
     parts: list[str] = []
     here: Any = raw
-    for part in item["loc"]:
+    for depth, part in enumerate(item["loc"], 1):
         try:
             here = here[part]
         except (KeyError, IndexError, TypeError):
-            if item["type"] != "missing" or part != item["loc"][-1]:
+            if item["type"] != "missing" or depth < len(item["loc"]):
                 continue
         parts.append(str(part) if str(part).isprintable() else ascii(part)[1:-1])
     return ".".join(parts) or "the file"

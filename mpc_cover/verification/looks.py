@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
     from mpc_cover.trajectory import Trajectory
 
+_NEARLY = 1.0 - 1e-12
+"""What a level may be missed by in rounding, as ten times 0.1 does."""
 _SOON = 1e-6
 """Part of a period that an agent's next look at a cell may come too soon."""
 
@@ -40,13 +43,19 @@ def rule_of(mission: Mission) -> Rule | None:
     """Return the mission's rule, or None where the first look settles a cell."""
     given, period = mission.spec.information, mission.spec.control.period_s
     if isinstance(given, EffectiveInformation):
-        return Rule(given.level, given.peak, given.least, period)
+        if given.least < given.peak:
+            return Rule(given.level, given.peak, given.least, period)
+        return _counting(given.level * _NEARLY / given.peak, period)
     if isinstance(given, KalmanInformation):
         # each reading adds 1/R to 1/P, which must grow from 1/P(0) to 1/P_max
-        needed = 1.0 / given.target_variance - 1.0 / given.prior_variance
-        return Rule(needed, 1.0 / given.noise_variance, 1.0 / given.noise_variance, period)
-    looks = mission.spec.looks
-    return Rule(float(looks), 1.0, 1.0, period) if looks > 1 else None
+        missing = _NEARLY / given.target_variance - 1.0 / given.prior_variance
+        return _counting(missing * given.noise_variance, period)
+    return _counting(mission.spec.looks, period) if mission.spec.looks > 1 else None
+
+
+def _counting(looks: float, period: float) -> Rule:
+    """Return the rule that asks for so many looks, rounded up; half a look off it, so that no rounding matters."""
+    return Rule(math.ceil(looks) - 0.5, 1.0, 1.0, period)
 
 
 def settled_at(trajectory: Trajectory, radius: FloatArray, rule: Rule, level: float) -> FloatArray:

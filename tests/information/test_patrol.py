@@ -1,0 +1,82 @@
+"""A patrol's laps: as late as they may be, with everything in them that cannot wait for the next."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from maps_fixtures import box_field, flight, seeing
+
+from mpc_cover.information.patrol import PatrolMap
+
+AWAY = np.full((3, 2), np.nan)
+
+
+def left(patrol, time_s):
+    return patrol.demand(time_s, AWAY).gamma[0] > 0.0
+
+
+def test_what_is_unknown_is_owed_from_the_start_and_never_is_it_over():
+    field = box_field(2.0, 2.0)
+    patrol = PatrolMap(seeing(field, 3, 5.0), 10.0)
+    assert patrol.owed.all()
+    patrol.begin_lap(0.0, 0.0)
+    assert left(patrol, 0.0).all()
+    patrol.observe(1.0, np.full((3, 2), 1.0))
+    assert not patrol.owed.any()
+    assert patrol.fraction == 1.0
+    assert not patrol.complete
+    assert not left(patrol, 1.0).any()
+    np.testing.assert_array_equal(patrol.covered_at, 1.0)
+
+
+def test_a_lap_begins_when_it_must():
+    field = box_field(2.0, 2.0)
+    patrol = PatrolMap(seeing(field, 3, 5.0), 10.0)
+    patrol.observe(1.0, np.full((3, 2), 1.0))
+    for time_s, due in ((2.0, False), (6.9, False), (7.1, True), (11.0, True)):
+        patrol.begin_lap(time_s, 4.0)
+        assert left(patrol, time_s).any() == due
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10**6), lap=st.floats(0.5, 8.0))
+def test_who_does_its_laps_in_time_lets_nothing_get_too_old(seed, lap):
+    """Right after a lap is done, no next one has to begin before another lap's time is over."""
+    rng = np.random.default_rng(seed)
+    field, limit = box_field(), 9.0
+    patrol = PatrolMap(seeing(field), limit)
+    for n, position in enumerate(flight(rng, field, steps=20)):
+        patrol.observe(0.5 * n, position)
+    now = 10.0
+    patrol.begin_lap(now, lap)
+    asked = left(patrol, now)
+    spare = patrol.ages.last[0] + limit - now
+    unknown = np.isinf(patrol.first[0])
+    must = unknown.any() or spare.min() < lap
+    assert asked.any() == must
+    if must:
+        assert (asked >= unknown).all()
+        assert (spare[~asked] >= 2.0 * lap).all()
+        gamma = patrol.demand(now, AWAY).gamma[0]
+        assert gamma.max() == 1.0
+        assert gamma[asked].min() >= 0.25
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 10**6))
+def test_a_lap_is_done_where_it_was_looked_at_since(seed):
+    rng = np.random.default_rng(seed)
+    field = box_field()
+    patrol = PatrolMap(seeing(field), 3.0, growth_per_s=2.0)
+    patrol.begin_lap(0.0, 5.0)
+    path = flight(rng, field, steps=10)
+    seen = np.zeros(field.size, dtype=bool)
+    for n, position in enumerate(path):
+        patrol.observe(0.5 * n, position)
+        seen[seeing(field).looks(0.0, position).place] = True
+        np.testing.assert_array_equal(left(patrol, 0.5 * n), ~seen)
+    patrol.observe(20.0, AWAY)
+    np.testing.assert_allclose(patrol.residual, 2.0 * np.maximum(patrol.ages.age - 3.0, 0.0))
+    assert patrol.owed.all()
+    assert patrol.covered_count == 0
