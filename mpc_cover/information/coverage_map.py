@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 class CoverageMap:
     """Marks cells as covered from measured positions, never from planned ones.
 
-    Satisfies `demand.FlownMap`. `first` is (J, K) [s]: when each magnitude was first measured on each cell, inf where never. Sensing radii count
-    less `margin_m` [m], by default the noise of the mission's positions: what is marked was truly measured.
+    Satisfies `demand.FlownMap`. `first` is (J, K) [s]: when each magnitude was first measured on each cell, inf where
+    never. Sensing radii count less `margin_m` [m], by default the noise of the mission's positions: what is marked
+    was truly measured.
     """
 
     endless = False

@@ -157,7 +157,7 @@ class Disturbance(Model):
     """A constant acceleration that acts on everyone."""
     delay_s: NonNegative = 0.0
     """States reach the controller this late, at most a period."""
-    slow_agents: dict[Name, Annotated[float, Field(gt=0, le=1)]] = {}
+    slow_agents: dict[Name, Annotated[float, Field(gt=0, le=1)]] = Field(default_factory=dict)
     """Agents that reach only this part of their speed, without knowing."""
 
 
@@ -185,4 +185,5 @@ class MissionSpec(Model):
     @property
     def looks_again(self) -> bool:
         """Whether more than a cell's first look matters."""
-        return self.looks > 1 or isinstance(self.information, EffectiveInformation | KalmanInformation | AgeingInformation)
+        several = EffectiveInformation | KalmanInformation | AgeingInformation
+        return self.looks > 1 or isinstance(self.information, several)

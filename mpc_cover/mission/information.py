@@ -21,7 +21,7 @@ class CoverageInformation(Model):
 
 
 class LookInformation(Model):
-    """K-coverage: so many looks settle a cell. A look is one agent's; its next at the same cell counts a period later."""
+    """K-coverage: so many looks settle a cell; one agent's at the same cell count a period apart."""
 
     kind: Literal["looks"]
     looks: Annotated[int, Field(ge=1, le=100), BeforeValidator(no_flag)]

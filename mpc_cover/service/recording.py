@@ -88,8 +88,8 @@ def merge(
     """Return the fleet's trajectory from the agents' records, in the order of the mission's agents.
 
     All records are of one clock. Time 0 is the start of the first plan that was flown; the record ends when
-    everyone is at rest for good, or with the record that ends first, if who rests may have looked again. Those of agents that `died` go on, see
-    `outlived`; since when they are lost is in the trajectory's meta as "lost" [s], by id.
+    everyone is at rest for good, or, where those who rest look again, with the record that ends first. Those of agents
+    that `died` go on, see `outlived`; since when they are lost is in the trajectory's meta as "lost" [s], by id.
 
     Raises
     ------

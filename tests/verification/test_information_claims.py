@@ -39,7 +39,8 @@ def test_what_the_map_says_holds(kind):
     assert failed(trajectory) == set()
     settled = np.isfinite(trajectory.covered_at)
     assert 0.3 < settled.mean() < 1.0
-    np.testing.assert_allclose(first_measured(trajectory, trajectory.mission.fleet.radius + 1e-9), trajectory.covered_at)
+    again = first_measured(trajectory, trajectory.mission.fleet.radius + 1e-9)
+    np.testing.assert_allclose(again, trajectory.covered_at)
 
 
 @pytest.mark.parametrize("kind", KINDS)
