@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.information.demand import Demand, checked
-from mpc_cover.model.sensing import measured
+from mpc_cover.information.visibility import Visibility
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,16 +29,16 @@ class CoverageMap:
     def __init__(self, mission: Mission, margin_m: float | None = None) -> None:
         self._cell = mission.field.cell
         noise_m = mission.spec.disturbance.position_noise_m if margin_m is None else margin_m
-        self._radius = mission.fleet.radius - noise_m if noise_m else mission.fleet.radius
-        self.first: FloatArray = np.full((self._radius.shape[1], self._cell.shape[0]), np.inf)
+        self._sight = Visibility(mission.field, mission.fleet.radius - noise_m if noise_m else mission.fleet.radius)
+        self.first: FloatArray = np.full(self._sight.shape, np.inf)
 
     def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
         """Mark what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows see nothing.
 
         Of agents that measure at different times (m,) the latest counts.
         """
-        seen, when = measured(position, self._cell, self._radius), float(np.max(time_s))
-        self.first = np.where(seen, np.minimum(self.first, when), self.first)
+        first, seen = self.first.reshape(-1), self._sight.looks(0.0, position).place
+        first[seen] = np.minimum(first[seen], np.max(time_s))
 
     def demand(self, time_s: float, position: FloatArray) -> Demand:  # noqa: ARG002 - as all maps
         """Return what a plan has to cover: everything owed."""
@@ -84,7 +84,7 @@ class CoverageMap:
 
     def state(self) -> dict[str, FloatArray]:
         """Return all that a successor needs."""
-        return {"first": self.first}
+        return {"first": self.first.copy()}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
         """Go on from what `state` returned; a ValueError if it is that of another map."""

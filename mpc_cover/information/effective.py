@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from mpc_cover.information.looks import accumulate
 from mpc_cover.information.residual_map import ResidualMap
 
 if TYPE_CHECKING:
@@ -106,9 +107,9 @@ class EffectiveCoverage(ResidualMap):
 
     def _fuse(self, looks: Looks) -> None:
         amount = self._instant(looks)
-        if not ((amount > 0.0) & (amount <= self._instant.peak)).all():
+        if not (amount.min(initial=np.inf) > 0.0 and amount.max(initial=0.0) <= self._instant.peak):
             raise ValueError("instant coverage: must be > 0 in range, and at most its peak")
-        np.add.at(self.effective.reshape(-1), looks.place, amount)
+        accumulate(self.effective.reshape(-1), looks.place, amount)
 
 
 def k_coverage(sensing: Sensing, looks: int) -> EffectiveCoverage:

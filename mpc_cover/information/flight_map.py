@@ -51,6 +51,11 @@ class FlightMap:
         """Do nothing: what is owed is owed."""
 
     @property
+    def residual(self) -> FloatArray:
+        """(J, K) gamma >= 0."""
+        return self.map.residual
+
+    @property
     def owed(self) -> BoolArray:
         """(J, K): where something is owed."""
         return self.map.owed

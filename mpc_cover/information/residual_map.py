@@ -88,10 +88,12 @@ class ResidualMap(ABC):
             return
         self._fuse(looks)
         settled = self.done_at.reshape(-1)
-        fresh = np.isinf(settled[looks.place])
-        fresh[fresh] = self.gamma_at(looks.place[fresh]) == 0.0
-        settled[looks.place[fresh]] = 0.0
-        np.maximum.at(settled, looks.place[fresh], looks.time_s[fresh])
+        owed = np.flatnonzero(settled[looks.place] == np.inf)
+        place = looks.place[owed]
+        now = np.flatnonzero(self.gamma_at(place) == 0.0)
+        place = place[now]
+        settled[place] = 0.0
+        np.maximum.at(settled, place, looks.time_s[owed[now]])
 
     @property
     def residual(self) -> FloatArray:

@@ -1,7 +1,7 @@
 """Which cells are in range (5.3), from windows of the grid around each agent instead of all distances.
 
 Cells are a product of axes, so the squared distances of a window are sums of one number an axis; only what is
-within the radius is ever looked up. `python -m mpc_cover.studies.map_timing` prints the time of a step.
+within the radius is ever looked up. `mpc-cover bench maps` prints the time of a step.
 """
 
 from __future__ import annotations
@@ -81,7 +81,10 @@ class Visibility:
             reach = self._reach[who, j]
             seen = (reach > 0.0) & (square <= reach**2)
             who, cell, square = who[seen], cell[seen], square[seen]
-        return who, cell + j * self._shape[1] if j else cell, square, self._radius[who, j]
+        column = self._radius[:, j]
+        alike = bool((column == column[0]).all())
+        radius = np.full(who.size, column[0]) if alike else column[who]
+        return who, cell + j * self._shape[1] if j else cell, square, radius
 
     def _in_reach(self, position: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
         """Return (row, cell, squared distance [m^2]), each (n,), of the cells within (m,) `reach` [m]."""
@@ -101,7 +104,8 @@ class Visibility:
             grid = grid * axis.size + along.reshape(spread)
         seen = square <= (reach**2).reshape(agents, *[1] * dimension)
         row = np.repeat(np.arange(agents), np.count_nonzero(seen.reshape(agents, -1), axis=1))
-        cell, near = grid[seen], square[seen]
+        inside = np.flatnonzero(seen)
+        cell, near = np.take(grid, inside), np.take(square, inside)
         if self._full:
             return row, cell, near
         cell = self._number.reshape(-1)[cell]
