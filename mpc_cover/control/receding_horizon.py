@@ -29,12 +29,13 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
-    from mpc_cover.planning.task import Candidate
 
 _QPS = 2
 """QPs a step at the most: the rest of the budget is for what goes wrong."""
 _SHARE = 0.3
 """Part of the time for a step that polishing may take: a plan that is good already needs no more."""
+_SAME_PLACE = 1e-3
+"""Who moves less than this stays where it is [m]."""
 _LAST = 3
 """So few samples before its end a mission plan that leaves something owed gives way to the next."""
 
@@ -67,6 +68,11 @@ class RecedingHorizon:
     mission : what to cover, with whom.
     backend : QP back-end: piqp, clarabel or osqp.
     seed : of whatever is random; the controller itself is deterministic without deadlines.
+
+    Attributes
+    ----------
+    coverage : what was measured, and what is owed.
+    at_a_loss : whether a fleet at rest needs a thorough plan (`prepare`): the last step found no way on.
     """
 
     def __init__(self, mission: Mission, *, backend: str = "piqp", seed: int = 0) -> None:
@@ -79,7 +85,8 @@ class RecedingHorizon:
         self._engine = Engine(backend)
         self.seed = seed
         self.coverage = make_map(mission)
-        self._lap_s = 0.0
+        self.at_a_loss = False
+        self._grounded = np.full_like(mission.fleet.start, np.inf), np.inf
         self._whole: Plan | None = None
         self._published: Plan | None = None
 
@@ -95,7 +102,7 @@ class RecedingHorizon:
         if self.coverage.complete:
             return self._result(begun, deadline, *self._stop(start))
         candidate = self._engine.whole(self._task(start), deadline)
-        self._begin(candidate)
+        self._whole = candidate.plan if candidate.feasible else None
         return self._result(begun, deadline, *self._next(start, candidate.kind))
 
     def step(
@@ -108,7 +115,9 @@ class RecedingHorizon:
             return self._result(begun, deadline, *self._stop(start))
         whole, reason = self._rest_of_whole(start), "replanned"
         if whole is None or self._runs_out(whole, start):
-            self._begin(self._engine.quick(self._task(start), deadline))
+            candidate = self._engine.quick(self._task(start), deadline)
+            self._whole = candidate.plan if candidate.feasible else None
+            self._notice_loss(start, deadline)
         else:
             self._whole, reason = self._improved(whole, start, deadline)
         return self._result(begun, deadline, *self._next(start, reason))
@@ -134,16 +143,24 @@ class RecedingHorizon:
         self._whole = None
 
     def _task(self, start: Start) -> Task:
-        self.coverage.begin_lap(start.time, self._lap_s)
+        self.coverage.begin_lap(start.time)
         owed, field = self.coverage.demand(start.time, start.position), self._mission.field
         weight, state = owed.gamma * field.weight, (start.position, start.velocity, start.time)
         return Task(self._mission.fleet, field.cell, weight, *state, self._period, looks=owed.looks)
 
-    def _begin(self, candidate: Candidate) -> None:
-        """Go on with a new mission plan, if there is one."""
-        self._whole = candidate.plan if candidate.feasible else None
-        if self._whole is not None:
-            self._lap_s = max(self._lap_s, self._whole.steps * self._period)
+    def _notice_loss(self, start: Start, deadline: float | None) -> None:
+        """See whether a fleet at rest finds no way on in time; at one place again only if less is owed than before."""
+        here, plan = start.position, self._whole
+        if plan is None or (deadline is not None and time.perf_counter() > deadline + self._period):
+            seen, stays = here[None], True
+        else:
+            seen, stays = plan.position, _near(plan.position, here)
+        left = stays and not start.velocity.any() and bool((self._left_by(seen, start)[0] > 0.0).any())
+        owed = float(self.coverage.residual.sum())
+        place, before = self._grounded
+        self.at_a_loss = left and (owed < before or not _near(place, here))
+        if self.at_a_loss:
+            self._grounded = here, owed
 
     def _runs_out(self, whole: Plan, start: Start) -> bool:
         """Return whether a mission plan has done its part, or is about to end, while more is to be done."""
@@ -234,3 +251,7 @@ class RecedingHorizon:
         self._published = plan
         now = time.perf_counter()
         return StepResult(plan, rung, reason, now - begun, deadline is not None and now > deadline)
+
+
+def _near(position: FloatArray, here: FloatArray) -> bool:
+    return bool((np.abs(position - here) < _SAME_PLACE).all())

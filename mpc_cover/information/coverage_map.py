@@ -42,10 +42,15 @@ class CoverageMap:
 
     def demand(self, time_s: float, position: FloatArray) -> Demand:  # noqa: ARG002 - as all maps
         """Return what a plan has to cover: everything owed."""
-        return Demand(self.owed.astype(float))
+        return Demand(self.residual)
 
-    def begin_lap(self, time_s: float, lap_s: float) -> None:
+    def begin_lap(self, time_s: float) -> None:
         """Do nothing: what is owed is owed."""
+
+    @property
+    def residual(self) -> FloatArray:
+        """(J, K) gamma: 1 where owed, else 0."""
+        return self.owed.astype(float)
 
     @property
     def owed(self) -> BoolArray:

@@ -48,8 +48,13 @@ class FlownMap(Protocol):
         """Return what a plan that has the fleet at (m, d) positions [m] at `time_s` [s] is to cover."""
         ...
 
-    def begin_lap(self, time_s: float, lap_s: float) -> None:
-        """Choose anew what plans from `time_s` [s] on have to cover; a lap takes about `lap_s` [s]."""
+    def begin_lap(self, time_s: float) -> None:
+        """Choose anew what plans from `time_s` [s] on have to cover; where there are no laps, do nothing."""
+        ...
+
+    @property
+    def residual(self) -> FloatArray:
+        """(J, K) gamma >= 0."""
         ...
 
     @property

@@ -20,7 +20,8 @@ class PatrolMap:
     """What is due again; satisfies `demand.FlownMap`, and is never complete.
 
     Places that were never measured are owed from the start, and as old as the mission. A lap is what a plan has to
-    cover: what will be too old when the lap is over, as far as it was not measured since the lap began.
+    cover: what will be too old when the lap is over, as far as it was not measured since the lap began. How long laps
+    take is learnt from those that were done.
 
     Parameters
     ----------
@@ -37,12 +38,16 @@ class PatrolMap:
         self.first: FloatArray = np.full(sensing.shape, np.inf)
         self._sensing, self.limit_s, self._growth = sensing, limit_s, growth_per_s
         self._lap: FloatArray = np.full(sensing.shape, 1.0)
+        self._lap_from, self._lap_s = 0.0, 0.0
 
     def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
         """Take what a fleet at (m, d) positions [m] measures at a mission time [s], or each agent at its own (m,)."""
         looks = self._sensing.looks(time_s, position)
         np.minimum.at(self.first.reshape(-1), looks.place, looks.time_s)
-        self._lap.reshape(-1)[looks.place] = 0.0
+        if self._lap.any():
+            self._lap.reshape(-1)[looks.place] = 0.0
+            if not self._lap.any():
+                self._lap_s = max(self._lap_s, float(looks.time_s.max()) - self._lap_from)
         self.ages.take(looks)
         heard = np.asarray(time_s, dtype=float)
         self.ages.pass_time(float(heard.max(initial=self.ages.now_s, where=np.isfinite(heard))))
@@ -52,18 +57,19 @@ class PatrolMap:
         """(J, K) gamma: by how much the age exceeds its limit, times its growth."""
         return self._growth * self.ages.residual
 
-    def begin_lap(self, time_s: float, lap_s: float) -> None:
-        """Choose what the next lap has to cover, by how much too old it would get; and what is unknown.
+    def begin_lap(self, time_s: float) -> None:
+        """Choose what a lap from `time_s` [s] on has to cover, by how much too old it would get; and what is unknown.
 
-        A lap begins as late as it may: when something would be too old at its end, `time_s` + `lap_s` [s]. It takes
-        in all that would be too old another lap later, for which the lap after it would have to begin too early.
+        A lap begins as late as it may: when something would be too old at its end. It takes in all that would be too
+        old another lap later, for which the lap after it would have to begin too early.
         """
         spare = self.ages.last + self.limit_s - time_s
         unknown = np.isinf(self.first)
-        if not unknown.any() and float(spare.min()) >= lap_s:
+        if not unknown.any() and float(spare.min()) >= self._lap_s:
             self._lap = np.zeros_like(spare)
             return
-        excess = np.maximum(2.0 * lap_s - spare, 0.0)
+        self._lap_from = time_s
+        excess = np.maximum(2.0 * self._lap_s - spare, 0.0)
         excess[unknown] = excess.max(initial=1.0, where=~unknown)
         self._lap = scaled(excess)
 
@@ -73,6 +79,11 @@ class PatrolMap:
 
     @property
     def owed(self) -> BoolArray:
+        """(J, K): everything; whatever was measured is owed another look, sooner or later."""
+        return np.ones(self.first.shape, dtype=bool)
+
+    @property
+    def overdue(self) -> BoolArray:
         """(J, K): what is too old now, or unknown."""
         return self.ages.owed | np.isinf(self.first)
 
@@ -84,7 +95,7 @@ class PatrolMap:
     @property
     def settled(self) -> BoolArray:
         """(K,): where nothing is too old now."""
-        return np.asarray(~self.owed.any(axis=0))
+        return np.asarray(~self.overdue.any(axis=0))
 
     @property
     def cell_count(self) -> int:
@@ -104,11 +115,12 @@ class PatrolMap:
     def state(self) -> dict[str, FloatArray]:
         """Return all that a successor needs to go on as if nothing had happened."""
         kept = {"first": self.first, "last": self.ages.last, "lap": self._lap}
-        return {name: array.copy() for name, array in kept.items()} | {"now_s": np.array([self.ages.now_s])}
+        clock = np.array([self.ages.now_s, self._lap_from, self._lap_s])
+        return {name: array.copy() for name, array in kept.items()} | {"clock": clock}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
         """Go on from what `state` returned; a ValueError if it is that of another map."""
         shape = self.first.shape
-        found = checked(state, {"first": shape, "last": shape, "lap": shape, "now_s": (1,)})
+        found = checked(state, {"first": shape, "last": shape, "lap": shape, "clock": (3,)})
         self.first, self.ages.last, self._lap = found["first"], found["last"], found["lap"]
-        self.ages.now_s = float(found["now_s"][0])
+        self.ages.now_s, self._lap_from, self._lap_s = found["clock"].tolist()

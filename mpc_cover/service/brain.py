@@ -70,6 +70,13 @@ class SharesWork(Protocol):
 
 
 @runtime_checkable
+class MayBeAtALoss(Protocol):
+    """A brain that may find no way on in the time that there is in flight."""
+
+    at_a_loss: bool
+
+
+@runtime_checkable
 class LimitsSpeed(Protocol):
     """A brain that can plan for an agent that is slower than its mission says."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mission_kinds import KINDS, SEVERAL
@@ -10,6 +12,8 @@ from service_fakes import Bench, SweepBrain
 
 from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.information.build import make_map
+from mpc_cover.planning.guesses import rest_guess, tour_guess
+from mpc_cover.planning.task import as_flown
 from mpc_cover.service.checkpoint import FileJournal
 from mpc_cover.service.messages import Phase
 from mpc_cover.service.simulate import simulate
@@ -60,6 +64,36 @@ def test_a_patrol_goes_on_until_its_time_is_over():
     laps = np.isfinite(result.trajectory.covered_at)
     assert laps.all()
     assert brain.coverage.ages.worst_age < 25.0 - result.trajectory.covered_at.max()  # everything was seen again
+
+
+def test_where_no_way_on_is_found_in_flight_it_is_planned_at_rest(monkeypatch):
+    """Laps too long to be planned in a control step: several looks, and a search in flight that finds nothing."""
+    mission = mission_with({"kind": "looks", "looks": 8}, time_limit_s=120.0)
+    brain = RecedingHorizon(mission)
+    prepared = []
+
+    def nothing(task, deadline):
+        still = rest_guess(task.position)
+        return as_flown(task, still, task.flown(still, task.least_steps))
+
+    monkeypatch.setattr(brain._engine, "quick", nothing)
+    monkeypatch.setattr(brain._engine, "whole", lambda task, deadline: prepared.append(task) or one_lap(task))
+    result = simulate(mission, brain=brain)
+    assert result.complete
+    assert len(prepared) > 1
+    assert any("no way on was found in flight" in event for event in result.events)
+    assert check_trajectory(result.trajectory).holds
+
+
+def one_lap(task):
+    """Return a tour of what is owed, as one of the two flies it: so nobody meets."""
+    tour = tour_guess(task.fleet, task.cell, task.weight, task.position)
+    found = []
+    for pilot in (0, 1):
+        paths = [path if i == pilot else task.position[i][None] for i, path in enumerate(tour.paths)]
+        guess = replace(tour, paths=paths)
+        found.append(as_flown(task, guess, task.flown(guess, None)))
+    return min(found, key=lambda candidate: (not candidate.feasible, candidate.cost))
 
 
 def test_a_lost_agent_leaves_its_looks_to_the_other():
