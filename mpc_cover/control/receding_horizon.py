@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.control.fallback import Rung, brake_plan, shifted_plan
+from mpc_cover.control.orders import Orders
 from mpc_cover.control.readiness import slowed, tightened, without
 from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
-from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.information.build import make_map
-from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.stretches import resampled
@@ -85,6 +84,7 @@ class RecedingHorizon:
         self._engine = Engine(backend)
         self.seed = seed
         self.coverage = make_map(mission)
+        self._orders = Orders(self.coverage, mission.field)
         self.at_a_loss = False
         self._grounded = np.full_like(mission.fleet.start, np.inf), np.inf
         self._whole: Plan | None = None
@@ -143,10 +143,9 @@ class RecedingHorizon:
         self._whole = None
 
     def _task(self, start: Start) -> Task:
-        self.coverage.begin_lap(start.time)
-        owed, field = self.coverage.demand(start.time, start.position), self._mission.field
-        weight, state = owed.gamma * field.weight, (start.position, start.velocity, start.time)
-        return Task(self._mission.fleet, field.cell, weight, *state, self._period, looks=owed.looks)
+        (weight, looks), cell = self._orders.next(start), self._mission.field.cell
+        state = (start.position, start.velocity, start.time)
+        return Task(self._mission.fleet, cell, weight, *state, self._period, looks=looks)
 
     def _notice_loss(self, start: Start, deadline: float | None) -> None:
         """See whether a fleet at rest finds no way on in time; at one place again only if less is owed than before."""
@@ -169,7 +168,7 @@ class RecedingHorizon:
         if whole.steps > _LAST:
             return False
         weight, looks = self._left_by(whole.position, start)
-        return looks is not None and bool((weight > 0.0).any())
+        return self._orders.more or (looks is not None and bool((weight > 0.0).any()))
 
     def _rest_of_whole(self, start: Start) -> Plan | None:
         """Return what is left of the mission plan from this state on, or None when it is over or of no use."""
@@ -202,14 +201,8 @@ class RecedingHorizon:
         return whole, "no sample sooner" if sooner else "no better"
 
     def _left_by(self, later: FloatArray, start: Start) -> tuple[FloatArray, IntArray | None]:
-        """Return weights and looks (J, K) of what is owed and not covered by later positions of the mission plan."""
-        field, radius = self._mission.field, self._mission.fleet.radius
-        owed = self.coverage.demand(start.time, start.position)
-        weight = owed.gamma * field.weight
-        if owed.looks is None:
-            return still_owed(later, field.cell, radius, weight), None
-        left = np.maximum(owed.looks - look_counts(later, field.cell, radius), 0)
-        return np.where(left > 0, weight, 0.0), left
+        """Return weights and looks (J, K) of what is asked for and not brought by later positions of the plan."""
+        return self._orders.left(start, later, self._mission.fleet.radius)
 
     def _next(self, start: Start, reason: str) -> tuple[Plan, Rung, str]:
         """Cut the horizon out of the mission plan, end it at rest, verify it; else go down the ladder."""

@@ -44,7 +44,7 @@ class CoverageMap:
         """Return what a plan has to cover: everything owed."""
         return Demand(self.residual)
 
-    def begin_lap(self, time_s: float) -> None:
+    def begin_lap(self, time_s: float, position: FloatArray) -> None:
         """Do nothing: what is owed is owed."""
 
     @property

@@ -48,8 +48,8 @@ class FlownMap(Protocol):
         """Return what a plan that has the fleet at (m, d) positions [m] at `time_s` [s] is to cover."""
         ...
 
-    def begin_lap(self, time_s: float) -> None:
-        """Choose anew what plans from `time_s` [s] on have to cover; where there are no laps, do nothing."""
+    def begin_lap(self, time_s: float, position: FloatArray) -> None:
+        """Choose anew what plans from (m, d) positions [m] at `time_s` [s] on are to cover, if that is by laps."""
         ...
 
     @property

@@ -47,7 +47,7 @@ class FlightMap:
         looks = np.where(owed, self.map.looks_expected + self._pace.too_soon(time_s, position), 0)
         return Demand(gamma, looks if looks.max(initial=0) > 1 else None)
 
-    def begin_lap(self, time_s: float) -> None:
+    def begin_lap(self, time_s: float, position: FloatArray) -> None:
         """Do nothing: what is owed is owed."""
 
     @property

@@ -47,7 +47,7 @@ class PatrolMap:
         if self._lap.any():
             self._lap.reshape(-1)[looks.place] = 0.0
             if not self._lap.any():
-                self._lap_s = max(self._lap_s, float(looks.time_s.max()) - self._lap_from)
+                self._end_lap(float(looks.time_s.max()))
         self.ages.take(looks)
         heard = np.asarray(time_s, dtype=float)
         self.ages.pass_time(float(heard.max(initial=self.ages.now_s, where=np.isfinite(heard))))
@@ -57,14 +57,17 @@ class PatrolMap:
         """(J, K) gamma: by how much the age exceeds its limit, times its growth."""
         return self._growth * self.ages.residual
 
-    def begin_lap(self, time_s: float) -> None:
-        """Choose what a lap from `time_s` [s] on has to cover, by how much too old it would get; and what is unknown.
+    def begin_lap(self, time_s: float, position: FloatArray) -> None:
+        """Choose what a lap from (m, d) positions [m] at `time_s` [s] on is to cover, by how much too old it would get.
 
-        A lap begins as late as it may: when something would be too old at its end. It takes in all that would be too
-        old another lap later, for which the lap after it would have to begin too early.
+        A lap begins as late as it may: when something would be too old at its end, or is unknown. It takes in all that
+        would be too old another lap later, for which the lap after it would have to begin too early.
         """
-        spare = self.ages.last + self.limit_s - time_s
-        unknown = np.isinf(self.first)
+        if self._lap.any() and not self.demand(time_s, position).gamma.any():
+            self._end_lap(time_s)
+        here = self._in_range(time_s, position)
+        spare = np.where(here, self.limit_s, self.ages.last + self.limit_s - time_s)
+        unknown = np.isinf(self.first) & ~here
         if not unknown.any() and float(spare.min()) >= self._lap_s:
             self._lap = np.zeros_like(spare)
             return
@@ -73,9 +76,17 @@ class PatrolMap:
         excess[unknown] = excess.max(initial=1.0, where=~unknown)
         self._lap = scaled(excess)
 
-    def demand(self, time_s: float, position: FloatArray) -> Demand:  # noqa: ARG002 - as all maps
-        """Return what is left of the lap."""
-        return Demand(self._lap.copy())
+    def demand(self, time_s: float, position: FloatArray) -> Demand:
+        """Return what is left of the lap, without what is in range of the fleet at (m, d) positions [m] then."""
+        return Demand(np.where(self._in_range(time_s, position), 0.0, self._lap))
+
+    def _in_range(self, time_s: float, position: FloatArray) -> BoolArray:
+        seen = np.zeros(self.first.size, dtype=bool)
+        seen[self._sensing.looks(time_s, position).place] = True
+        return seen.reshape(self.first.shape)
+
+    def _end_lap(self, time_s: float) -> None:
+        self._lap_s = max(self._lap_s, time_s - self._lap_from)
 
     @property
     def owed(self) -> BoolArray:

@@ -18,7 +18,7 @@ CELLS = np.full((3, 2), 1.0)
 def after_a_lap_of(lap_s, limit_s=10.0):
     """Return a patrol of a field that one look sees, which has done a lap that took so long."""
     patrol = PatrolMap(seeing(box_field(2.0, 2.0), 3, 5.0), limit_s)
-    patrol.begin_lap(0.0)
+    patrol.begin_lap(0.0, AWAY)
     patrol.observe(lap_s, CELLS)
     return patrol
 
@@ -31,7 +31,7 @@ def test_what_is_unknown_is_owed_from_the_start_and_never_is_it_over():
     field = box_field(2.0, 2.0)
     patrol = PatrolMap(seeing(field, 3, 5.0), 10.0)
     assert patrol.owed.all()
-    patrol.begin_lap(0.0)
+    patrol.begin_lap(0.0, AWAY)
     assert left(patrol, 0.0).all()
     assert patrol.overdue.all()
     patrol.observe(1.0, CELLS)
@@ -46,7 +46,7 @@ def test_what_is_unknown_is_owed_from_the_start_and_never_is_it_over():
 def test_a_lap_begins_when_it_must():
     patrol = after_a_lap_of(4.0)  # too old at 14 s
     for time_s, due in ((5.0, False), (9.9, False), (10.1, True), (14.0, True)):
-        patrol.begin_lap(time_s)
+        patrol.begin_lap(time_s, AWAY)
         assert left(patrol, time_s).any() == due
 
 
@@ -57,12 +57,12 @@ def test_who_does_its_laps_in_time_lets_nothing_get_too_old(seed, lap):
     rng = np.random.default_rng(seed)
     field, limit = box_field(), 9.0
     patrol = PatrolMap(seeing(field), limit)
-    patrol.begin_lap(0.0)
+    patrol.begin_lap(0.0, AWAY)
     patrol.restore({**patrol.state(), "clock": np.array([0.0, 0.0, lap])})
     for n, position in enumerate(flight(rng, field, steps=20)):
         patrol.observe(0.5 * n, position)
     now = 10.0
-    patrol.begin_lap(now)
+    patrol.begin_lap(now, AWAY)
     asked = left(patrol, now)
     spare = patrol.ages.last[0] + limit - now
     unknown = np.isinf(patrol.first[0])
@@ -82,7 +82,7 @@ def test_a_lap_is_done_where_it_was_looked_at_since(seed):
     rng = np.random.default_rng(seed)
     field = box_field()
     patrol = PatrolMap(seeing(field), 3.0, growth_per_s=2.0)
-    patrol.begin_lap(0.0)
+    patrol.begin_lap(0.0, AWAY)
     path = flight(rng, field, steps=10)
     seen = np.zeros(field.size, dtype=bool)
     for n, position in enumerate(path):
@@ -93,3 +93,15 @@ def test_a_lap_is_done_where_it_was_looked_at_since(seed):
     np.testing.assert_allclose(patrol.residual, 2.0 * np.maximum(patrol.ages.age - 3.0, 0.0))
     assert patrol.overdue.all()
     assert patrol.covered_count == 0
+
+
+def test_what_the_fleet_will_see_at_once_is_no_part_of_a_lap_and_ends_the_last():
+    patrol = PatrolMap(seeing(box_field(2.0, 2.0), 3, 5.0), 10.0)
+    patrol.begin_lap(0.0, AWAY)
+    patrol.begin_lap(4.0, CELLS)  # planned from where the first lap ends, a little later
+    assert not left(patrol, 4.0).any()
+    patrol.observe(4.0, CELLS)
+    patrol.begin_lap(9.9, AWAY)
+    assert not left(patrol, 9.9).any()
+    patrol.begin_lap(10.1, AWAY)  # laps take 4 s, and all is too old at 14 s
+    assert left(patrol, 10.1).all()
