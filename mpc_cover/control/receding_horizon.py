@@ -116,7 +116,8 @@ class RecedingHorizon:
         whole, reason = self._rest_of_whole(start), "replanned"
         if whole is None or self._runs_out(whole, start):
             candidate = self._engine.quick(self._task(start), deadline)
-            self._whole = candidate.plan if candidate.feasible else None
+            worse = not candidate.feasible or (whole is not None and candidate.kind == "rest")
+            self._whole = whole if worse else candidate.plan
             self._notice_loss(start, deadline)
         else:
             self._whole, reason = self._improved(whole, start, deadline)
