@@ -25,6 +25,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+MOST_STEPS = 100_000
+
 Mission = Annotated[
     str, typer.Argument(metavar="[MISSION]", help="A mission file (YAML), or the name of one that comes along.")
 ]
@@ -96,6 +98,29 @@ def step(
     if as_json:
         names = ("median_ms", "p99_ms", "share")
         _print_json({name: dict(zip(names, values, strict=True)) for name, values in parts.items()})
+
+
+@app.command()
+def maps(
+    steps: Annotated[int, typer.Option("--steps", help="Steps of each map.")] = 200,
+    cpu_time: Annotated[
+        bool, typer.Option("--cpu-time", help="Measure processor time, on a machine with other work to do.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Measure a step of the information maps: 100,489 cells, 50 agents, two densities of cells."""
+    from mpc_cover.studies.map_timing import AGENTS, ROWS, measure_maps  # noqa: PLC0415
+    from mpc_cover.view.benchmark import print_maps  # noqa: PLC0415
+
+    if not 1 <= steps <= MOST_STEPS:
+        raise UserError(f"--steps {steps}: must be from 1 to {MOST_STEPS}")
+    console = _console(as_json)
+    with console.status("measuring"):
+        rows = measure_maps(steps, cpu_time=cpu_time)
+    title = f"{ROWS**2} cells, {AGENTS} agents: a step of the map, its gamma included"
+    print_maps(rows, title + ("; processor time" if cpu_time else ""), console)
+    if as_json:
+        _print_json({"cells": ROWS**2, "agents": AGENTS, "maps": rows})
 
 
 def _console(as_json: bool) -> Console:

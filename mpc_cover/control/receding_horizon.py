@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.control.fallback import Rung, brake_plan, shifted_plan
+from mpc_cover.control.orders import Orders
 from mpc_cover.control.readiness import slowed, tightened, without
 from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
-from mpc_cover.coverage.nearest import still_owed
-from mpc_cover.errors import UserError
-from mpc_cover.information.coverage_map import CoverageMap
+from mpc_cover.information.build import make_map
 from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.stretches import resampled
@@ -26,7 +25,7 @@ from mpc_cover.planning.task import Task
 from mpc_cover.verification.motion import verify_motion
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
 
@@ -34,6 +33,10 @@ _QPS = 2
 """QPs a step at the most: the rest of the budget is for what goes wrong."""
 _SHARE = 0.3
 """Part of the time for a step that polishing may take: a plan that is good already needs no more."""
+_SAME_PLACE = 1e-3
+"""Who moves less than this stays where it is [m]."""
+_LAST = 3
+"""So few samples before its end a mission plan that leaves something owed gives way to the next."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +67,14 @@ class RecedingHorizon:
     mission : what to cover, with whom.
     backend : QP back-end: piqp, clarabel or osqp.
     seed : of whatever is random; the controller itself is deterministic without deadlines.
+
+    Attributes
+    ----------
+    coverage : what was measured, and what is owed.
+    at_a_loss : whether a fleet at rest needs a thorough plan (`prepare`): the last step found no way on.
     """
 
     def __init__(self, mission: Mission, *, backend: str = "piqp", seed: int = 0) -> None:
-        if mission.spec.area.looks > 1:
-            raise UserError(
-                f"area.looks: {mission.spec.area.looks}: only `plan` plans for several looks, flights do not"
-            )
         self._given = mission
         self._tight = tightened(mission)
         self._lost = np.zeros(mission.fleet.size, dtype=bool)
@@ -79,7 +83,10 @@ class RecedingHorizon:
         self._period = mission.spec.control.period_s
         self._engine = Engine(backend)
         self.seed = seed
-        self.coverage = CoverageMap(mission)
+        self.coverage = make_map(mission)
+        self._orders = Orders(self.coverage, mission.field)
+        self.at_a_loss = False
+        self._grounded = np.full_like(mission.fleet.start, np.inf), np.inf
         self._whole: Plan | None = None
         self._published: Plan | None = None
 
@@ -107,9 +114,11 @@ class RecedingHorizon:
         if self.coverage.complete:
             return self._result(begun, deadline, *self._stop(start))
         whole, reason = self._rest_of_whole(start), "replanned"
-        if whole is None:
+        if whole is None or self._runs_out(whole, start):
             candidate = self._engine.quick(self._task(start), deadline)
-            self._whole = candidate.plan if candidate.feasible else None
+            worse = not candidate.feasible or (whole is not None and candidate.kind == "rest")
+            self._whole = whole if worse else candidate.plan
+            self._notice_loss(start, deadline)
         else:
             self._whole, reason = self._improved(whole, start, deadline)
         return self._result(begun, deadline, *self._next(start, reason))
@@ -135,9 +144,32 @@ class RecedingHorizon:
         self._whole = None
 
     def _task(self, start: Start) -> Task:
-        weight = self.coverage.owed * self._mission.field.weight
-        cell = self._mission.field.cell
-        return Task(self._mission.fleet, cell, weight, start.position, start.velocity, start.time, self._period)
+        (weight, looks), cell = self._orders.next(start), self._mission.field.cell
+        state = (start.position, start.velocity, start.time)
+        return Task(self._mission.fleet, cell, weight, *state, self._period, looks=looks)
+
+    def _notice_loss(self, start: Start, deadline: float | None) -> None:
+        """See whether a fleet at rest finds no way on in time; at one place again only if less is owed than before."""
+        here, plan = start.position, self._whole
+        if plan is None or (deadline is not None and time.perf_counter() > deadline + self._period):
+            seen, stays = here[None], True
+        else:
+            seen, stays = plan.position, _near(plan.position, here)
+        left = stays and not start.velocity.any() and bool((self._left_by(seen, start)[0] > 0.0).any())
+        owed = float(self.coverage.residual.sum())
+        place, before = self._grounded
+        self.at_a_loss = left and (owed < before or not _near(place, here))
+        if self.at_a_loss:
+            self._grounded = here, owed
+
+    def _runs_out(self, whole: Plan, start: Start) -> bool:
+        """Return whether a mission plan has done its part, or is about to end, while more is to be done."""
+        if self.coverage.endless:
+            return not self.coverage.demand(start.time, start.position).gamma.any()
+        if whole.steps > _LAST:
+            return False
+        weight, looks = self._left_by(whole.position, start)
+        return self._orders.more or (looks is not None and bool((weight > 0.0).any()))
 
     def _rest_of_whole(self, start: Start) -> Plan | None:
         """Return what is left of the mission plan from this state on, or None when it is over or of no use."""
@@ -153,13 +185,13 @@ class RecedingHorizon:
     def _improved(self, whole: Plan, start: Start, deadline: float | None) -> tuple[Plan, str]:
         """Re-solve the stretch within the horizon, a sample shorter if all that was to be covered still is."""
         stretch = stretch_steps(whole, self._mission)
-        weight = self._left_by(whole.position[stretch + 1 :])
-        window = stretch_window(whole, self._mission, weight, stretch, stretch)
+        weight, looks = self._left_by(whole.position[stretch + 1 :], start)
+        window = replace(stretch_window(whole, self._mission, weight, stretch, stretch), looks=looks)
         x = window.decision(whole.position[0], whole.velocity[: stretch + 1])
         now = self._engine.judge(window, x)
         sooner = int(now.cost == 0.0 and stretch > 2)  # noqa: PLR2004 - nothing to be gained from less
         if sooner:
-            window = stretch_window(whole, self._mission, weight, stretch, stretch - 1)
+            window = replace(stretch_window(whole, self._mission, weight, stretch, stretch - 1), looks=looks)
             x = window.decision(whole.position[0], resampled(whole.velocity[: stretch + 1], stretch - 1))
         found = self._engine.polish(window, x, _QPS, part_of(deadline, _SHARE))
         better = found.cost == 0.0 if sooner else found.cost < now.cost
@@ -169,11 +201,9 @@ class RecedingHorizon:
                 return plan, "a sample sooner" if sooner else "more coverage"
         return whole, "no sample sooner" if sooner else "no better"
 
-    def _left_by(self, later: FloatArray) -> FloatArray:
-        """Return the weights (J, K) of what is owed and not covered by later positions of the mission plan."""
-        mission = self._mission
-        weight = self.coverage.owed * mission.field.weight
-        return still_owed(later, mission.field.cell, mission.fleet.radius, weight)
+    def _left_by(self, later: FloatArray, start: Start) -> tuple[FloatArray, IntArray | None]:
+        """Return weights and looks (J, K) of what is asked for and not brought by later positions of the plan."""
+        return self._orders.left(start, later, self._mission.fleet.radius)
 
     def _next(self, start: Start, reason: str) -> tuple[Plan, Rung, str]:
         """Cut the horizon out of the mission plan, end it at rest, verify it; else go down the ladder."""
@@ -215,3 +245,7 @@ class RecedingHorizon:
         self._published = plan
         now = time.perf_counter()
         return StepResult(plan, rung, reason, now - begun, deadline is not None and now > deadline)
+
+
+def _near(position: FloatArray, here: FloatArray) -> bool:
+    return bool((np.abs(position - here) < _SAME_PLACE).all())

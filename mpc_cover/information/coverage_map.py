@@ -6,9 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.model.sensing import measured
+from mpc_cover.information.demand import Demand, checked
+from mpc_cover.information.visibility import Visibility
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.mission.load import Mission
 
@@ -16,20 +19,38 @@ if TYPE_CHECKING:
 class CoverageMap:
     """Marks cells as covered from measured positions, never from planned ones.
 
-    `first` is (J, K) [s]: when each magnitude was first measured on each cell, inf where never. Sensing radii count
-    less `margin_m` [m], by default the noise of the mission's positions: what is marked was truly measured.
+    Satisfies `demand.FlownMap`. `first` is (J, K) [s]: when each magnitude was first measured on each cell, inf where
+    never. Sensing radii count less `margin_m` [m], by default the noise of the mission's positions: what is marked
+    was truly measured.
     """
+
+    endless = False
 
     def __init__(self, mission: Mission, margin_m: float | None = None) -> None:
         self._cell = mission.field.cell
         noise_m = mission.spec.disturbance.position_noise_m if margin_m is None else margin_m
-        self._radius = mission.fleet.radius - noise_m if noise_m else mission.fleet.radius
-        self.first: FloatArray = np.full((self._radius.shape[1], self._cell.shape[0]), np.inf)
+        self._sight = Visibility(mission.field, mission.fleet.radius - noise_m if noise_m else mission.fleet.radius)
+        self.first: FloatArray = np.full(self._sight.shape, np.inf)
 
-    def observe(self, time_s: float, position: FloatArray) -> None:
-        """Mark what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows see nothing."""
-        seen = measured(position, self._cell, self._radius)
-        self.first = np.where(seen, np.minimum(self.first, time_s), self.first)
+    def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
+        """Mark what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows see nothing.
+
+        Of agents that measure at different times (m,) the latest counts.
+        """
+        first, seen = self.first.reshape(-1), self._sight.looks(0.0, position).place
+        first[seen] = np.minimum(first[seen], np.max(time_s))
+
+    def demand(self, time_s: float, position: FloatArray) -> Demand:  # noqa: ARG002 - as all maps
+        """Return what a plan has to cover: everything owed."""
+        return Demand(self.residual)
+
+    def begin_lap(self, time_s: float, position: FloatArray) -> None:
+        """Do nothing: what is owed is owed."""
+
+    @property
+    def residual(self) -> FloatArray:
+        """(J, K) gamma: 1 where owed, else 0."""
+        return self.owed.astype(float)
 
     @property
     def owed(self) -> BoolArray:
@@ -42,9 +63,19 @@ class CoverageMap:
         return np.asarray(self.first.max(axis=0))
 
     @property
+    def settled(self) -> BoolArray:
+        """(K,): where everything was measured."""
+        return np.isfinite(self.covered_at)
+
+    @property
+    def cell_count(self) -> int:
+        """Number of cells K."""
+        return int(self._cell.shape[0])
+
+    @property
     def covered_count(self) -> int:
         """Number of cells on which everything was measured."""
-        return int(np.isfinite(self.covered_at).sum())
+        return int(self.settled.sum())
 
     @property
     def fraction(self) -> float:
@@ -55,3 +86,11 @@ class CoverageMap:
     def complete(self) -> bool:
         """Whether nothing is owed."""
         return not bool(self.owed.any())
+
+    def state(self) -> dict[str, FloatArray]:
+        """Return all that a successor needs."""
+        return {"first": self.first.copy()}
+
+    def restore(self, state: Mapping[str, FloatArray]) -> None:
+        """Go on from what `state` returned; a ValueError if it is that of another map."""
+        self.first = checked(state, {"first": self.first.shape})["first"]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from mpc_cover.information.looks import accumulate
 from mpc_cover.information.residual_map import ResidualMap
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ class InstantCoverage(Protocol):
     """A_i(q_i, p_k): what each look adds; positive in range, zero elsewhere (where there is no look)."""
 
     peak: float
+    usual: float
+    """What a look adds on average, from anywhere in the disc."""
 
     def __call__(self, looks: Looks) -> FloatArray:
         """Return (n,) amounts, each > 0 and at most `peak`."""
@@ -29,7 +32,7 @@ class InstantCoverage(Protocol):
 class EachLook:
     """A = 1 in range: looks are counted (K-coverage)."""
 
-    peak = 1.0
+    peak = usual = 1.0
 
     def __call__(self, looks: Looks) -> FloatArray:
         """Return (n,) ones."""
@@ -51,6 +54,7 @@ class Bump:
         if not 0.0 < rim <= peak < np.inf:
             raise ValueError(f"instant coverage: rim {rim} and peak {peak}: must be 0 < rim <= peak < inf")
         self.peak = peak
+        self.usual = rim + (peak - rim) / 3.0  # the mean of (1 - s)^2 over the part s of a disc's area
         self._rim = rim
 
     def __call__(self, looks: Looks) -> FloatArray:
@@ -91,11 +95,21 @@ class EffectiveCoverage(ResidualMap):
         """(J, K): the least number of further looks, each from where A is largest."""
         return np.ceil(self.residual / self._instant.peak - 1e-9).astype(np.intp)
 
+    @property
+    def looks_expected(self) -> IntArray:
+        """(J, K): how many further looks will probably settle each place, each from anywhere in the disc."""
+        return np.ceil(self.residual / self._instant.usual - 1e-9).astype(np.intp)
+
+    @property
+    def kept(self) -> dict[str, FloatArray]:
+        """The arrays that say what was measured; to write to them is to remember."""
+        return {**super().kept, "effective": self.effective}
+
     def _fuse(self, looks: Looks) -> None:
         amount = self._instant(looks)
-        if not ((amount > 0.0) & (amount <= self._instant.peak)).all():
+        if not (amount.min(initial=np.inf) > 0.0 and amount.max(initial=0.0) <= self._instant.peak):
             raise ValueError("instant coverage: must be > 0 in range, and at most its peak")
-        np.add.at(self.effective.reshape(-1), looks.place, amount)
+        accumulate(self.effective.reshape(-1), looks.place, amount)
 
 
 def k_coverage(sensing: Sensing, looks: int) -> EffectiveCoverage:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.information.looks import accumulate
 from mpc_cover.information.residual_map import ResidualMap
 
 if TYPE_CHECKING:
@@ -66,6 +67,11 @@ class KalmanMap(ResidualMap):
         """(J, K) x, in the field's unit."""
         return np.asarray(self.state / self.information)
 
+    @property
+    def kept(self) -> dict[str, FloatArray]:
+        """The arrays that say what was measured; to write to them is to remember."""
+        return {**super().kept, "information": self.information, "state": self.state}
+
     def gamma_at(self, place: IntArray | slice) -> FloatArray:
         """Return pos(P - P_max) at places of the flattened (J, K) array."""
         left = 1.0 / self.information.reshape(-1)[place] - self.enough
@@ -78,9 +84,9 @@ class KalmanMap(ResidualMap):
         return np.where(self.residual > 0.0, np.maximum(np.ceil(missing - 1e-9), 1.0), 0.0).astype(np.intp)
 
     def _fuse(self, looks: Looks) -> None:
-        weight = self._weight[looks.agent if self._weight.size > 1 else np.zeros_like(looks.agent)]
+        weight = self._weight[looks.agent] if self._weight.size > 1 else float(self._weight[0])
         information, state = self.information.reshape(-1), self.state.reshape(-1)
         # without a reading the estimate stays: as if the sensor had read just what is expected
         expected = state[looks.place] / information[looks.place] if looks.value is None else looks.value
-        np.add.at(information, looks.place, weight)
-        np.add.at(state, looks.place, weight * expected)
+        accumulate(information, looks.place, weight)
+        accumulate(state, looks.place, weight * expected)

@@ -51,6 +51,20 @@ class Looks:
         return replace(self, value=value)
 
 
+_DENSE = 8
+"""With more looks than one in so many places, one pass over all places is the faster way to add them up."""
+
+
+def accumulate(total: FloatArray, place: IntArray, amount: float | FloatArray) -> None:
+    """Add to a flat (J K,) array at each of (n,) places, as often as they occur, `amount`: one for all, or (n,)."""
+    if place.size * _DENSE < total.size:
+        np.add.at(total, place, amount)
+    elif isinstance(amount, float):
+        total += amount * np.bincount(place, minlength=total.size)
+    else:
+        total += np.bincount(place, weights=amount, minlength=total.size)
+
+
 def joined(parts: Sequence[Looks]) -> Looks:
     """Return all looks of several, one part at the least; readings only where every part has them."""
     if len(parts) == 1:
@@ -74,6 +88,6 @@ class Sensing(Protocol):
         """(J, K): magnitudes and cells."""
         ...
 
-    def looks(self, time_s: float, position: FloatArray, agent: IntArray | None = None) -> Looks:
-        """Return what agents (m,) at (m, d) positions [m] measure at a mission time [s]."""
+    def looks(self, time_s: float | FloatArray, position: FloatArray, agent: IntArray | None = None) -> Looks:
+        """Return what agents (m,) at (m, d) positions [m] measure at a mission time [s], or each at its own."""
         ...

@@ -68,6 +68,16 @@ class ResidualMap(ABC):
     def looks_owed(self) -> IntArray:
         """(J, K): the least number of further looks that settles each place."""
 
+    @property
+    def looks_expected(self) -> IntArray:
+        """(J, K): how many further looks will probably settle each place; what plans ask for."""
+        return self.looks_owed
+
+    @property
+    def kept(self) -> dict[str, FloatArray]:
+        """The arrays that say what was measured; to write to them is to remember."""
+        return {"done_at": self.done_at}
+
     def observe(self, time_s: float, position: FloatArray) -> None:
         """Take what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows see nothing."""
         self.take(self._sensing.looks(time_s, position))
@@ -78,10 +88,12 @@ class ResidualMap(ABC):
             return
         self._fuse(looks)
         settled = self.done_at.reshape(-1)
-        fresh = np.isinf(settled[looks.place])
-        fresh[fresh] = self.gamma_at(looks.place[fresh]) == 0.0
-        settled[looks.place[fresh]] = 0.0
-        np.maximum.at(settled, looks.place[fresh], looks.time_s[fresh])
+        owed = np.flatnonzero(settled[looks.place] == np.inf)
+        place = looks.place[owed]
+        now = np.flatnonzero(self.gamma_at(place) == 0.0)
+        place = place[now]
+        settled[place] = 0.0
+        np.maximum.at(settled, place, looks.time_s[owed[now]])
 
     @property
     def residual(self) -> FloatArray:

@@ -48,10 +48,43 @@ class NoisySensing:
         """(J, K): magnitudes and cells."""
         return self.sensing.shape
 
-    def looks(self, time_s: float, position: FloatArray, agent: IntArray | None = None) -> Looks:
+    def looks(self, time_s: float | FloatArray, position: FloatArray, agent: IntArray | None = None) -> Looks:
         """Return the looks of agents (m,) at (m, d) positions [m] at a time [s], with readings."""
         bare = self.sensing.looks(time_s, position, agent)
         spread = np.sqrt(np.atleast_1d(np.asarray(self.noise, dtype=float)))
         each = spread[bare.agent] if spread.size > 1 else spread
         noise = each * self.rng.standard_normal(bare.count)
+        return bare.with_value(self.truth.reshape(-1)[bare.place] + noise)
+
+
+@dataclass(frozen=True, eq=False)
+class TimedReadings:
+    """Readings z = x + v whose noise depends on when they are taken only: a successor would read the same.
+
+    Attributes
+    ----------
+    sensing : which cells are in range.
+    truth : (J, K) the field x.
+    variance : R of all sensors, in the field's unit squared.
+    seed : of the noise.
+    """
+
+    sensing: Sensing
+    truth: FloatArray
+    variance: float
+    seed: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(J, K): magnitudes and cells."""
+        return self.sensing.shape
+
+    def looks(self, time_s: float | FloatArray, position: FloatArray, agent: IntArray | None = None) -> Looks:
+        """Return the looks of agents (m,) at (m, d) positions [m] at a time [s], with readings."""
+        bare = self.sensing.looks(time_s, position, agent)
+        if bare.count == 0:
+            return bare
+        microseconds = int(max(0.0, float(bare.time_s.max())) * 1e6)
+        rng = np.random.default_rng([self.seed, microseconds, int(bare.agent[0])])
+        noise = np.sqrt(self.variance) * rng.standard_normal(bare.count)
         return bare.with_value(self.truth.reshape(-1)[bare.place] + noise)

@@ -1,7 +1,7 @@
 """Which cells are in range (5.3), from windows of the grid around each agent instead of all distances.
 
 Cells are a product of axes, so the squared distances of a window are sums of one number an axis; only what is
-within the radius is ever looked up. `python -m mpc_cover.studies.map_timing` prints the time of a step.
+within the radius is ever looked up. `mpc-cover bench maps` prints the time of a step.
 """
 
 from __future__ import annotations
@@ -60,10 +60,10 @@ class Visibility:
         """(J, K): magnitudes and cells."""
         return self._shape
 
-    def looks(self, time_s: float, position: FloatArray, agent: IntArray | None = None) -> Looks:
+    def looks(self, time_s: float | FloatArray, position: FloatArray, agent: IntArray | None = None) -> Looks:
         """Return what agents (m,) at (m, d) positions [m] measure at a time [s]; NaN rows see nothing.
 
-        `agent` are indices into the fleet; left out, the rows are the whole fleet.
+        `agent` are indices into the fleet; left out, the rows are the whole fleet. `time_s` may be (fleet,), too.
         """
         index = np.arange(position.shape[0]) if agent is None else agent
         known = (np.abs(position) < _FAR).all(axis=1)
@@ -72,7 +72,8 @@ class Visibility:
         row, cell, square = self._in_reach(position[able], self._farthest[index])
         parts = [self._of_magnitude(j, index[row], cell, square) for j in range(self._shape[0])]
         who, place, near, radius = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
-        return Looks(who, place, np.sqrt(near), radius, np.full(who.size, time_s))
+        when = np.full(who.size, time_s) if np.ndim(time_s) == 0 else np.asarray(time_s, dtype=float)[who]
+        return Looks(who, place, np.sqrt(near), radius, when)
 
     def _of_magnitude(self, j: int, who: IntArray, cell: IntArray, square: FloatArray) -> tuple[Any, ...]:
         """Return (agent, place, squared distance, radius) of the looks at magnitude j."""
@@ -80,7 +81,10 @@ class Visibility:
             reach = self._reach[who, j]
             seen = (reach > 0.0) & (square <= reach**2)
             who, cell, square = who[seen], cell[seen], square[seen]
-        return who, cell + j * self._shape[1] if j else cell, square, self._radius[who, j]
+        column = self._radius[:, j]
+        alike = bool((column == column[0]).all())
+        radius = np.full(who.size, column[0]) if alike else column[who]
+        return who, cell + j * self._shape[1] if j else cell, square, radius
 
     def _in_reach(self, position: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
         """Return (row, cell, squared distance [m^2]), each (n,), of the cells within (m,) `reach` [m]."""
@@ -100,7 +104,8 @@ class Visibility:
             grid = grid * axis.size + along.reshape(spread)
         seen = square <= (reach**2).reshape(agents, *[1] * dimension)
         row = np.repeat(np.arange(agents), np.count_nonzero(seen.reshape(agents, -1), axis=1))
-        cell, near = grid[seen], square[seen]
+        inside = np.flatnonzero(seen)
+        cell, near = np.take(grid, inside), np.take(square, inside)
         if self._full:
             return row, cell, near
         cell = self._number.reshape(-1)[cell]

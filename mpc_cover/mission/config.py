@@ -7,41 +7,18 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
-from pydantic_core import PydanticCustomError
+from pydantic import BeforeValidator, Field
+
+from mpc_cover.mission.base import Finite, Model, Name, NonNegative, Point, Positive, no_flag
+from mpc_cover.mission.information import (
+    AgeingInformation,
+    EffectiveInformation,
+    Information,
+    KalmanInformation,
+    LookInformation,
+)
 
 SCHEMA_VERSION = 1
-
-LARGEST = 1e8
-"""No number of a mission is larger, nor smaller than 1 / 1e8 unless it may be 0: products stay finite."""
-
-
-def _no_flag(value: object) -> object:
-    """Refuse `yes` and `true`, which would pass for 1."""
-    if isinstance(value, bool):
-        raise PydanticCustomError("number_type", "must be a number, not true or false")
-    return value
-
-
-def _not_tiny(value: float) -> float:
-    if value < 1.0 / LARGEST:
-        raise PydanticCustomError("too_small", "must be at least {least}", {"least": 1.0 / LARGEST})
-    return value
-
-
-Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False), BeforeValidator(_no_flag)]
-Positive = Annotated[
-    float, Field(gt=0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_tiny), BeforeValidator(_no_flag)
-]
-NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False), BeforeValidator(_no_flag)]
-Point = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
-
-
-class Model(BaseModel):
-    """Frozen, and a misspelt key is an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
 
 
 class BoxShape(Model):
@@ -180,19 +157,33 @@ class Disturbance(Model):
     """A constant acceleration that acts on everyone."""
     delay_s: NonNegative = 0.0
     """States reach the controller this late, at most a period."""
-    slow_agents: dict[Name, Annotated[float, Field(gt=0, le=1)]] = {}
+    slow_agents: dict[Name, Annotated[float, Field(gt=0, le=1)]] = Field(default_factory=dict)
     """Agents that reach only this part of their speed, without knowing."""
 
 
 class MissionSpec(Model):
     """A whole mission file."""
 
-    schema_version: Annotated[Literal[1], BeforeValidator(_no_flag)] = Field(alias="schema")
+    schema_version: Annotated[Literal[1], BeforeValidator(no_flag)] = Field(alias="schema")
     name: Name
     area: Area
     fleet: FleetSpec
     magnitudes: Annotated[tuple[Name, ...], Field(min_length=1)] = ("coverage",)
     """What must be measured everywhere (Xi of 4.1); radii may differ for each."""
+    information: Information | None = None
+    """When a cell counts as measured (5.2.1); left out, by one look, or by `area.looks`."""
     control: Control = Control()
     planning: Planning = Planning()
     disturbance: Disturbance = Disturbance()
+
+    @property
+    def looks(self) -> int:
+        """K of K-coverage: how many looks each cell needs, each adding the same; 1 for the other kinds."""
+        given = self.information
+        return given.looks if isinstance(given, LookInformation) else self.area.looks
+
+    @property
+    def looks_again(self) -> bool:
+        """Whether more than a cell's first look matters."""
+        several = EffectiveInformation | KalmanInformation | AgeingInformation
+        return self.looks > 1 or isinstance(self.information, several)

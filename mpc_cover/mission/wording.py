@@ -22,10 +22,12 @@ _WORDS = {
     "tuple_type": "must be a list",
     "too_short": "must have {min_length} or more entries",
     "too_long": "must have {max_length} or fewer entries",
-    "union_tag_not_found": "must say of which kind it is: box, disc or polygon",
     "union_tag_invalid": "must be of the kind {expected_tags}",
     "string_pattern_mismatch": "must be letters, digits, '_', '.' and '-', at most 64, the first a letter or digit",
 }
+
+_SHAPES = "box, disc or polygon"
+_KINDS = {"information": "coverage, looks, effective, kalman or ageing"}
 
 
 def problems_of(error: ValidationError, raw: object) -> list[Problem]:
@@ -39,7 +41,9 @@ def problems_of(error: ValidationError, raw: object) -> list[Problem]:
 
 def _problem(item: ErrorDetails, raw: object) -> Problem:
     value = None if item["type"] == "missing" else item["input"]
-    if item["type"] in _WORDS:
+    if item["type"] == "union_tag_not_found":
+        right = f"must say of which kind it is: {_KINDS.get(str(item['loc'][-1]), _SHAPES)}"
+    elif item["type"] in _WORDS:
         right = _WORDS[item["type"]].format(**item.get("ctx", {}))
     else:
         right = item["msg"].replace("Input should be", "must be").replace("Keys should be", "keys must be")
@@ -50,11 +54,11 @@ def _path(item: ErrorDetails, raw: object) -> str:
     """Return the dotted path, without the tags of unions, which the user never wrote."""
     parts: list[str] = []
     here: Any = raw
-    for part in item["loc"]:
+    for depth, part in enumerate(item["loc"], 1):
         try:
             here = here[part]
         except (KeyError, IndexError, TypeError):
-            if item["type"] != "missing" or part != item["loc"][-1]:
+            if item["type"] != "missing" or depth < len(item["loc"]):
                 continue
         parts.append(str(part) if str(part).isprintable() else ascii(part)[1:-1])
     return ".".join(parts) or "the file"

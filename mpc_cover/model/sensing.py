@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray, IntArray
 
 TIE = 1e-9
 """A cell at distance exactly rho is measured, whatever the last bit says [m]."""
@@ -20,6 +20,19 @@ def measured(position: FloatArray, cell: FloatArray, radius: FloatArray) -> Bool
     """
     distance = np.linalg.norm(position[:, None, :] - cell[None], axis=2)
     return np.asarray((distance[:, None, :] <= radius[:, :, None] + TIE).any(axis=0))
+
+
+def look_counts(position: FloatArray, cell: FloatArray, radius: FloatArray) -> IntArray:
+    """Return (J, K): how many looks the samples of a motion (N+1, m, d) [m] have at each cell, all agents together.
+
+    `cell` is (K, d) [m]; `radius` (m, J) [m], -inf where an agent cannot measure a magnitude.
+    """
+    count = np.zeros((radius.shape[1], cell.shape[0]), dtype=np.intp)
+    for path, reach in zip(np.swapaxes(position, 0, 1), radius, strict=True):
+        distance = np.sqrt(sum((path[:, None, a] - cell[None, :, a]) ** 2 for a in range(cell.shape[1])))
+        for magnitude in np.flatnonzero(reach > 0.0):
+            count[magnitude] += np.count_nonzero(distance <= reach[magnitude] + TIE, axis=0)
+    return count
 
 
 def covered_at(

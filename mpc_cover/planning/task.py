@@ -9,6 +9,7 @@ import numpy as np
 
 from mpc_cover.constraints.boundary import Ends
 from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.continuation import judge
 from mpc_cover.planning.follow import follow
 from mpc_cover.planning.plan import Plan
@@ -70,7 +71,10 @@ class Task:
         return Window(self.fleet, self.cell, self.weight, steps, self.period, ends, self.looks)
 
     def owed_after(self, plan: Plan) -> FloatArray:
-        """Return the weights (J, K) of what a plan's samples leave over."""
+        """Return the weights (J, K) of what a plan's samples leave over; of several looks owed, all are to be taken."""
+        if self.looks is not None:
+            enough = look_counts(plan.position, self.cell, self.fleet.radius) >= self.looks
+            return np.where(enough, 0.0, self.weight)
         return still_owed(plan.position, self.cell, self.fleet.radius, self.weight)
 
     def flown(self, guess: Guess, steps: int | None) -> Motion:

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from enum import Enum
 
     from mpc_cover.arrays import BoolArray, FloatArray
-    from mpc_cover.information.coverage_map import CoverageMap
+    from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
 
@@ -45,7 +45,7 @@ class StepOutcome(Protocol):
 class Brain(Protocol):
     """See `control.receding_horizon.RecedingHorizon`; tests hand in simpler ones."""
 
-    coverage: CoverageMap
+    coverage: FlownMap
 
     def prepare(
         self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
@@ -67,6 +67,13 @@ class SharesWork(Protocol):
     def set_lost(self, lost: BoolArray) -> None:
         """Plan without those marked (m,): from now on their rows of a state say where they come to rest."""
         ...
+
+
+@runtime_checkable
+class MayBeAtALoss(Protocol):
+    """A brain that may find no way on in the time that there is in flight."""
+
+    at_a_loss: bool
 
 
 @runtime_checkable

@@ -3,54 +3,60 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
+from mpc_cover.information.build import make_map
 from mpc_cover.service.fingerprint import mission_hash
 from mpc_cover.service.journal import Snapshot
 from mpc_cover.service.state_directory import write_durably
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.state_directory import StateDirectory
 
+SCHEMA = 2
 GENERATIONS = 2
 PERIOD_S = 1.0
 """How often a checkpoint is written [s of the machine's clock]."""
 
 
 class _Header(msgspec.Struct, frozen=True):
-    """What precedes the (J, K) times, which follow as little-endian doubles."""
+    """What precedes the map's arrays, which follow in the order of `shapes` as little-endian doubles."""
 
     mission: str
     generation: int
     mission_time_s: float
     finished: bool
-    shape: tuple[int, int]
+    shapes: dict[str, tuple[int, ...]]
     origins: dict[str, float]
-    schema: int = 1
+    schema: int = SCHEMA
     lost: dict[str, list[float]] = {}
+    heard: dict[str, int] = {}
 
 
 def pack(snapshot: Snapshot, mission: str, generation: int) -> bytes:
-    """Return the bytes of a checkpoint: a checksum, a header, the times."""
-    rows, columns = snapshot.first.shape
+    """Return the bytes of a checkpoint: a checksum, a header, the map."""
     header = _Header(
         mission,
         generation,
         snapshot.mission_time_s,
         snapshot.finished,
-        (rows, columns),
+        {name: array.shape for name, array in snapshot.map.items()},
         snapshot.origins,
         lost=snapshot.lost,
+        heard=snapshot.heard,
     )
-    body = msgspec.json.encode(header) + b"\n" + snapshot.first.astype("<f8").tobytes()
+    arrays = b"".join(array.astype("<f8").tobytes() for array in snapshot.map.values())
+    body = msgspec.json.encode(header) + b"\n" + arrays
     return hashlib.sha256(body).hexdigest().encode() + b"\n" + body
 
 
@@ -60,13 +66,22 @@ def unpack(data: bytes) -> tuple[str, int, Snapshot] | None:
     if hashlib.sha256(body).hexdigest().encode() != checksum:
         return None
     try:
-        head, _, times = body.partition(b"\n")
+        head, _, arrays = body.partition(b"\n")
         header = msgspec.json.decode(head, type=_Header)
-        first = np.frombuffer(times, dtype="<f8").astype(float).reshape(header.shape)
+        kept = _arrays(np.frombuffer(arrays, dtype="<f8"), header.shapes)
     except (msgspec.MsgspecError, ValueError):
-        return None  # written by something else
-    snapshot = Snapshot(header.mission_time_s, first, header.finished, header.origins, header.lost)
+        return None  # written by something else, or by another version
+    snapshot = Snapshot(header.mission_time_s, kept, header.finished, header.origins, header.lost, header.heard)
     return header.mission, header.generation, snapshot
+
+
+def _arrays(values: FloatArray, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, FloatArray]:
+    """Cut the doubles of all arrays, one after another, into those of these shapes; a ValueError if they don't fit."""
+    ends = np.cumsum([math.prod(shape) for shape in shapes.values()])
+    if values.size != (ends[-1] if ends.size else 0):
+        raise ValueError("other sizes")
+    parts = np.split(values.astype(float), ends[:-1])
+    return {name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
 
 
 class FileJournal:
@@ -77,7 +92,7 @@ class FileJournal:
     ) -> None:
         self._folder = folder
         self._mission = mission_hash(mission)
-        self._shape = (len(mission.fleet.magnitudes), mission.field.size)
+        self._given = mission
         self._monotonic = monotonic
         self._due_s = -np.inf
         self._kept = self._read()
@@ -89,7 +104,7 @@ class FileJournal:
             damaged = any(path.exists() for path in self._paths())
             return None, "no checkpoint is readable: starts afresh" if damaged else ""
         mission, _, snapshot = max(self._kept, key=lambda kept: kept[1])
-        if mission != self._mission or snapshot.first.shape != self._shape:
+        if mission != self._mission or not self._fits(snapshot):
             return None, "the checkpoint is of another version of this mission: starts afresh"
         if snapshot.finished:
             return None, "the mission was finished: starts afresh"
@@ -112,6 +127,13 @@ class FileJournal:
     def close(self) -> None:
         """Unlock the folder."""
         self._folder.close()
+
+    def _fits(self, snapshot: Snapshot) -> bool:
+        try:
+            make_map(self._given).restore(snapshot.map)
+        except ValueError:
+            return False
+        return True
 
     def _paths(self) -> list[Path]:
         return [self._folder.path / f"coverage.{index}" for index in range(GENERATIONS)]

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from mpc_cover.service.brain import MayBeAtALoss
 from mpc_cover.service.commands import CommandDesk
 from mpc_cover.service.crew import Crew
 from mpc_cover.service.dispatch import Dispatch, UnknownPlanError
@@ -213,6 +214,8 @@ class Controller:
             return
         if self._helm.failures >= MAX_FAILURES:
             self._regroup(f"{self._helm.failures} steps failed")
+        elif isinstance(self.brain, MayBeAtALoss) and self.brain.at_a_loss:
+            self._regroup("no way on was found in flight")
 
     def _over(self) -> bool:
         """Return whether there is nothing to send: all covered and at rest, or out of time."""
@@ -221,6 +224,9 @@ class Controller:
         if not self.brain.coverage.complete:
             if self._timeline.now() <= limit:
                 return False
+            if self.brain.coverage.endless:
+                self._enter(Phase.COMPLETE, f"the patrol ends after control.time_limit_s {limit:g} s")
+                return True
             owed = self.mission.field.size - self.brain.coverage.covered_count
             self._enter(Phase.FAILED, f"{owed} cells are not covered after control.time_limit_s {limit:g} s")
             return True

@@ -124,6 +124,7 @@ class FleetView:
         ]
         self.rejected: Counter[Reason] = Counter()
         self.reborn: list[str] = []
+        self._known: dict[str, int] = {}
         self._index = {name: index for index, name in enumerate(fleet.ids)}
         self._shape = fleet.start.shape
         self.speed, self._mission = speed, mission_hash(mission)
@@ -132,10 +133,14 @@ class FleetView:
         self._states = transport.inbox(keys.state(), STATE_DEPTH * fleet.size, history=history)
         self._presence = transport.presence(keys.agent_alive())
 
-    def receive(self) -> list[tuple[float, FloatArray]]:
-        """Take in what arrived; return the measurements as (time in the controller's clock [s], (m, d) [m]).
+    def skip(self, heard: dict[str, int]) -> None:
+        """Measure nothing from states up to these numbers, by the agent's instance: they were taken in before."""
+        self._known = dict(heard)
 
-        Every accepted state is in one of them; rows of agents without one are NaN.
+    def receive(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Take in what arrived; return the measurements as (times in the controller's clock (m,) [s], (m, d) [m]).
+
+        Every accepted state is in one of them; rows of agents without one are NaN, their times -inf.
         """
         measured: list[list[State]] = [[] for _ in self.links]
         self.reborn = []
@@ -145,7 +150,8 @@ class FleetView:
             except RejectedError as error:
                 self.rejected[error.reason] += 1
             else:
-                measured[index].append(state)
+                if state.seq > self._known.get(state.instance, -1):
+                    measured[index].append(state)
         return [self._round(measured, number) for number in range(max(map(len, measured)))]
 
     def _accept(self, item: Received) -> tuple[int, State]:
@@ -157,13 +163,13 @@ class FleetView:
             self.reborn.append(state.agent)
         return index, state
 
-    def _round(self, measured: list[list[State]], number: int) -> tuple[float, FloatArray]:
+    def _round(self, measured: list[list[State]], number: int) -> tuple[FloatArray, FloatArray]:
         position = np.full(self._shape, np.nan)
-        time_s = -np.inf
+        time_s = np.full(self._shape[0], -np.inf)
         for index, states in enumerate(measured):
             if number < len(states):
                 position[index] = states[number].position
-                time_s = max(time_s, states[number].time_s + self.links[index].offset)
+                time_s[index] = states[number].time_s + self.links[index].offset
         return time_s, position
 
     def present(self) -> list[str]:

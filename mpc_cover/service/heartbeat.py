@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.clock import Clock
-    from mpc_cover.information.coverage_map import CoverageMap
+    from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.bus import Transport
     from mpc_cover.service.fleet_view import FleetView
@@ -58,7 +58,7 @@ class Heartbeat:
         self,
         phase: Phase,
         mission_time_s: float,
-        coverage: CoverageMap,
+        coverage: FlownMap,
         steps: StepLog,
         fleet: FleetView,
         lost: list[str],
@@ -73,7 +73,7 @@ class Heartbeat:
             phase=phase,
             mission_time_s=mission_time_s,
             covered_count=coverage.covered_count,
-            cell_count=int(coverage.first.shape[1]),
+            cell_count=coverage.cell_count,
             steps=steps.count,
             step_ms=1e3 * last.computing_time_s if last else 0.0,
             rung=last.rung if last else "",
@@ -94,7 +94,7 @@ class Heartbeat:
             self._status.publish(encode(status))
         self._show_map(now, mission_time_s, coverage)
 
-    def _show_map(self, now: float, mission_time_s: float, coverage: CoverageMap) -> None:
+    def _show_map(self, now: float, mission_time_s: float, coverage: FlownMap) -> None:
         asked = self._asked.drain()
         if not asked and now < self._map_due_s - SNAP_S:
             return
@@ -102,9 +102,9 @@ class Heartbeat:
             controller=self._identity,
             epoch=self._epoch,
             mission_time_s=mission_time_s,
-            cell_count=int(coverage.first.shape[1]),
+            cell_count=coverage.cell_count,
             covered_count=coverage.covered_count,
-            bits=np.packbits(np.isfinite(coverage.covered_at)).tobytes().hex(),
+            bits=np.packbits(coverage.settled).tobytes().hex(),
         )
         payload = encode(message)
         for request in asked:

@@ -16,17 +16,19 @@ class Snapshot:
     Attributes
     ----------
     mission_time_s : [s].
-    first : (J, K) [s], when each magnitude was first measured on each cell; inf where never.
+    map : the arrays of what was measured, see `information.demand.FlownMap.state`.
     finished : whether it is over.
     origins : for each agent's instance, where mission time 0 lies on its clock [s]; empty while nobody flies.
     lost : where agents rest that were lost, (d,) [m], by id.
+    heard : for each agent's instance, the number of the last state that the map knows.
     """
 
     mission_time_s: float
-    first: FloatArray
+    map: dict[str, FloatArray]
     finished: bool = False
     origins: dict[str, float] = field(default_factory=dict)
     lost: dict[str, list[float]] = field(default_factory=dict)
+    heard: dict[str, int] = field(default_factory=dict)
 
 
 class Journal(Protocol):

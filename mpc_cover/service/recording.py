@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.errors import UnreadableFileError
-from mpc_cover.model.sensing import covered_at
+from mpc_cover.information.replay import measured_at
 from mpc_cover.service.flight import STANDSTILL, Plant, Schedule
 from mpc_cover.service.recorder import MemoryRecorder
 from mpc_cover.trajectory import Trajectory
@@ -88,8 +88,8 @@ def merge(
     """Return the fleet's trajectory from the agents' records, in the order of the mission's agents.
 
     All records are of one clock. Time 0 is the start of the first plan that was flown; the record ends when
-    everyone is at rest for good, or with the record that ends first. Those of agents that `died` go on, see
-    `outlived`; since when they are lost is in the trajectory's meta as "lost" [s], by id.
+    everyone is at rest for good, or, where those who rest look again, with the record that ends first. Those of agents
+    that `died` go on, see `outlived`; since when they are lost is in the trajectory's meta as "lost" [s], by id.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def merge(
         raise UnreadableFileError(f"no motion was recorded of {', '.join(lacking)}")
     whole, ends = _without_death(mission, records, died)
     motions = [motion_of(pieces) for pieces in whole]
-    first, last = _span(motions)
+    first, last = _span(motions, to_the_end=mission.spec.looks_again)
     if last - first <= MERGE_S:
         raise UnreadableFileError("the agents' records have no time in common")
     time = _instants(motions, first, last)
@@ -114,7 +114,7 @@ def merge(
         velocity=np.stack([v for _, v in states], axis=1),
         input=np.stack([motion.input[motion.rows(middle)] for motion in motions], axis=1),
         cell=mission.field.cell,
-        covered_at=covered_at(time - first, position, mission.field.cell, mission.fleet.radius),
+        covered_at=measured_at(mission, time - first, position),
         agent_id=mission.fleet.ids,
         mission=mission,
         meta={**meta, "lost": {name: end_s - first for name, end_s in ends.items()}} if ends else meta,
@@ -134,13 +134,13 @@ def _without_death(
     return whole, {name: end_s for name, end_s in ends.items() if name in died}
 
 
-def _span(motions: Sequence[Motion]) -> tuple[float, float]:
-    """Return when the first plan started, and when everyone had come to rest for good [s]."""
+def _span(motions: Sequence[Motion], *, to_the_end: bool) -> tuple[float, float]:
+    """Return when the first plan started, and when everyone had come to rest for good, or the records end [s]."""
     common = max(float(motion.time[0]) for motion in motions), min(float(motion.time[-1]) for motion in motions)
     starts = [float(motion.time[np.argmax(motion.flown)]) for motion in motions if motion.flown.any()]
     first = max(common[0], min(starts, default=common[0]))
     rest = max(motion.rests_from() for motion in motions)
-    return first, min(common[1], rest) if rest > first else common[1]
+    return first, common[1] if to_the_end or rest <= first else min(common[1], rest)
 
 
 def _instants(motions: Sequence[Motion], first: float, last: float) -> FloatArray:

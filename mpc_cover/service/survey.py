@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mpc_cover.service import bus
 from mpc_cover.service.fleet_view import FleetView
 from mpc_cover.service.journal import Snapshot
 
 if TYPE_CHECKING:
-    from mpc_cover.information.coverage_map import CoverageMap
+    from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.bus import Transport
     from mpc_cover.service.timeline import Timeline
@@ -26,7 +28,7 @@ class Survey:
         self,
         mission: Mission,
         transport: Transport,
-        coverage: CoverageMap,
+        coverage: FlownMap,
         timeline: Timeline,
         *,
         speed: float,
@@ -36,19 +38,23 @@ class Survey:
         self._coverage, self._timeline = coverage, timeline
         self._origins: dict[str, float] = {}
         if resume is not None:
-            coverage.first = resume.first.copy()
+            coverage.restore(resume.map)
             self._origins = dict(resume.origins)
+            self.fleet.skip(resume.heard)
 
     def listen(self) -> None:
         """Take in the states that arrived, and mark what was measured."""
         rounds = self.fleet.receive()
         self._find_origin()
         for measured_s, position in rounds:
-            self._coverage.observe(self._timeline.at(measured_s), position)
+            mission_s = [self._timeline.at(time_s) if np.isfinite(time_s) else -np.inf for time_s in measured_s]
+            self._coverage.observe(np.array(mission_s), position)
 
     def snapshot(self, lost: dict[str, list[float]], *, finished: bool) -> Snapshot:
         """Return how far the mission is; `lost` says where who is lost rests."""
-        return Snapshot(self._timeline.now(), self._coverage.first, finished, self._agent_origins(), lost)
+        heard = {link.state.instance: link.state.seq for link in self.fleet.links if link.state}
+        origins = self._agent_origins()
+        return Snapshot(self._timeline.now(), self._coverage.state(), finished, origins, lost, heard)
 
     def _find_origin(self) -> None:
         """Let mission time run on as it did under the controller before."""

@@ -19,11 +19,12 @@ from mpc_cover.control.potential import CoverageShape, coordination_of
 from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw, random_signal
 from mpc_cover.control.readiness import tightened
 from mpc_cover.errors import UserError
-from mpc_cover.information.coverage_map import CoverageMap
+from mpc_cover.information.build import make_map
 from mpc_cover.studies.outcome import Step, stepped
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
+    from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
 
@@ -49,7 +50,7 @@ class PotentialBrain:
         fleet = self._fleet = tightened(mission)
         self._period = mission.spec.control.period_s
         self._value, self._cell = mission.field.weight, mission.field.cell
-        self.coverage = CoverageMap(mission)
+        self.coverage: FlownMap = make_map(mission)
         self._rng = np.random.default_rng(seed)
         order = self._rng.permutation(mission.field.size)
         patience = max(2.0, _PATIENCE_S / self._period)

@@ -19,13 +19,14 @@ import numpy as np
 
 from mpc_cover.control.fallback import Rung, brake_plan, plan_from_velocities
 from mpc_cover.control.readiness import tightened
-from mpc_cover.information.coverage_map import CoverageMap
+from mpc_cover.information.build import make_map
 from mpc_cover.planning.follow import follow
 from mpc_cover.planning.lanes import cut_lanes, snake, swath_of
 from mpc_cover.studies.outcome import Step, stepped
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
+    from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
 
@@ -59,7 +60,7 @@ class SweepBrain:
         self._capture = 0.5 * fleet.speed_max**2 / fleet.input_max
         braking = np.ceil((fleet.speed_max / (fleet.input_max * self._period)).max())
         self._steps = 2 * int(braking) + 2
-        self.coverage = CoverageMap(mission)
+        self.coverage: FlownMap = make_map(mission)
         self._strips: list[Strip] = []
         self._passed: IntArray = np.zeros(fleet.size, dtype=np.intp)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.verification.looks import rule_of, settled_at
 from mpc_cover.verification.report import Check
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ _TIE = 1e-9
 """A cell at distance exactly rho counts as measured, whatever the last bit says [m]."""
 _DOUBT = 1e-10
 """Within this of the tie [m], rounding decides, and either answer is honest."""
+_SUM = 1e-9
+"""Within this part of what is asked for, the rounding of sums decides, and either answer is honest."""
 _SAME_TIME = 1e-9
 _SAME_CELL = 1e-9
 
@@ -27,8 +30,8 @@ def check_coverage(trajectory: Trajectory) -> list[Check]:
         skipped = [Check(name, False, -np.inf, "s", "not looked at") for name in ("coverage claimed", "coverage kept")]
         return [cells, *skipped]
     radius = trajectory.mission.fleet.radius
-    earliest = first_measured(trajectory, radius + _TIE + _DOUBT)
-    latest = first_measured(trajectory, radius + _TIE - _DOUBT)
+    earliest = first_measured(trajectory, radius + _TIE + _DOUBT, 1.0 - _SUM)
+    latest = first_measured(trajectory, radius + _TIE - _DOUBT, 1.0 + _SUM)
     claimed = trajectory.covered_at
     return [
         cells,
@@ -37,17 +40,14 @@ def check_coverage(trajectory: Trajectory) -> list[Check]:
     ]
 
 
-def first_measured(trajectory: Trajectory, radius: FloatArray) -> FloatArray:
+def first_measured(trajectory: Trajectory, radius: FloatArray, part: float = 1.0) -> FloatArray:
     """Return (K,) [s]: the first sample by which every magnitude was measured on each cell; inf where never.
 
-    `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude. Missions that ask for several
-    looks count each agent's at least a period apart.
+    `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude. Where the mission asks for more than one
+    look, `part` of what it asks for will do. A patrol's cells count from their first look.
     """
-    looks = trajectory.mission.spec.area.looks
-    if looks > 1:
-        period = trajectory.mission.spec.control.period_s
-        times = [_when_looked_at(trajectory, reach, looks, period) for reach in radius.T]
-        return np.asarray(np.max(times, axis=0))
+    if (rule := rule_of(trajectory.mission)) is not None:
+        return settled_at(trajectory, radius, rule, part * rule.level)
     done = np.zeros(trajectory.cell.shape[0])
     for reach in radius.T:
         first = np.full_like(done, np.inf)
@@ -62,19 +62,6 @@ def first_measured(trajectory: Trajectory, radius: FloatArray) -> FloatArray:
                 break
         done = np.maximum(done, first)
     return done
-
-
-def _when_looked_at(trajectory: Trajectory, reach: FloatArray, looks: int, period: float) -> FloatArray:
-    """Return (K,) [s] when the looks-th look at each cell was taken; agent by agent, then merged in time."""
-    times: list[list[float]] = [[] for _ in range(trajectory.cell.shape[0])]
-    for agent in np.flatnonzero(reach > 0.0):
-        free_at = np.full(trajectory.cell.shape[0], -np.inf)
-        for time, position in zip(trajectory.time, trajectory.position[:, agent], strict=True):
-            near = np.sum((trajectory.cell - position) ** 2, axis=1) <= reach[agent] ** 2
-            for k in np.flatnonzero(near & (time >= free_at)):
-                times[k].append(float(time))
-                free_at[k] = time + period * (1.0 - 1e-6)
-    return np.array([sorted(seen)[looks - 1] if len(seen) >= looks else np.inf for seen in times])
 
 
 def _check_cells(trajectory: Trajectory) -> Check:

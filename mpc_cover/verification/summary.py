@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.verification.connectivity import widest_bottleneck
+from mpc_cover.verification.information_summary import summarise_information
 from mpc_cover.verification.path import Path
 from mpc_cover.verification.separation import smallest_separation
 
@@ -50,6 +51,7 @@ class RunSummary:
     distance_m : travelled, by agent.
     swath_bound_s : T_b, about which no plan can be faster to cover everything.
     ratio_to_bound : time_to_99_s over T_b.
+    information : what is left of looks, variances or ages; left out where one look settles a cell.
     """
 
     mission: str
@@ -78,10 +80,14 @@ class RunSummary:
     swath_bound_s: float | None
     ratio_to_bound: float | None
     step_times: StepTimes | None = None
+    information: dict[str, Any] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary as plain data for `--json`."""
-        return asdict(self) | {"violations": list(self.violations)}
+        data = asdict(self) | {"violations": list(self.violations)}
+        if self.information is None:
+            del data["information"]
+        return data
 
 
 def summarise(trajectory: Trajectory, report: Report, step_times: FloatArray | None = None) -> RunSummary:
@@ -123,6 +129,7 @@ def summarise(trajectory: Trajectory, report: Report, step_times: FloatArray | N
         swath_bound_s=bound,
         ratio_to_bound=reached[99] / bound if bound and reached[99] is not None else None,
         step_times=summarise_steps(step_times, mission.spec.control.period_s),
+        information=summarise_information(trajectory),
     )
 
 

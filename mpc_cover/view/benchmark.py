@@ -122,6 +122,17 @@ def print_steps(parts: dict[str, tuple[float, float, float]], title: str, consol
     console.print(table)
 
 
+def print_maps(rows: Sequence[dict[str, str | float]], title: str, console: Console) -> None:
+    """Print how long a step of each map takes [ms]."""
+    table = Table(title=title, title_justify="left")
+    for header in ("map", "cells in a disc", "median", "p99"):
+        table.add_column(header, justify="left" if header == "map" else "right")
+    for row in rows:
+        times = (f"{row[name]:.2f} ms" for name in ("p50_ms", "p99_ms"))
+        table.add_row(str(row["map"]), str(row["cells_in_range"]), *times)
+    console.print(table)
+
+
 def draw_history(curves: Sequence[Curve], title: str, file: Path) -> Path:
     """Draw J over time, both logarithmic, and write it as PNG; what has reached 0 lies on the bottom line."""
     from mpc_cover.view.style import agent_style, house_style, new_figure, save_figure  # noqa: PLC0415 - matplotlib

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 from rich.text import Text
@@ -53,11 +53,19 @@ def _margin(margin: float, unit: str) -> str:
     return f"{digits} {unit}".rstrip()
 
 
+def _information(figures: dict[str, Any]) -> str:
+    """Return the figures of a mission's kind of information in a line; those that there are not are left out."""
+    shown = [f"{name.replace('_', ' ')} {value:.4g}" for name, value in figures.items() if isinstance(value, float)]
+    return f"{figures['kind']}: {', '.join(shown)}"
+
+
 def _rows(summary: RunSummary) -> Iterator[tuple[str, Text]]:
     covered = f"{summary.covered_percent:.2f} % ({summary.covered_cells} of {summary.cells} cells)"
     yield "covered", Text(covered, style="green" if summary.covered_cells == summary.cells else "")
     times = (summary.time_to_90_s, summary.time_to_95_s, summary.time_to_99_s, summary.time_to_100_s)
     yield "time to 90 / 95 / 99 / 100 %", Text(" / ".join(_or(time, "{:.1f} s", "never") for time in times))
+    if summary.information is not None:
+        yield "information", Text(_information(summary.information))
     if summary.swath_bound_s is not None:
         ratio = _or(summary.ratio_to_bound, "99 % after {:.2f} times that", "99 % never reached")
         yield "swath bound", Text(f"{summary.swath_bound_s:.1f} s; {ratio}")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from mpc_cover.model.motion import path_extremes, roll_out
-from mpc_cover.model.sensing import covered_at, measured
+from mpc_cover.model.sensing import covered_at, look_counts, measured
 
 
 @given(seed=st.integers(0, 10**6), period=st.floats(0.01, 2.0), steps=st.integers(1, 8))
@@ -70,3 +70,13 @@ def test_the_extremes_of_a_path_are_those_of_a_dense_look(seed, period):
     assert (high >= path.max(axis=0) - 1e-12).all()
     assert low == pytest.approx(path.min(axis=0), abs=1e-4)
     assert high == pytest.approx(path.max(axis=0), abs=1e-4)
+
+
+def test_looks_of_a_motion_are_counted_agent_by_agent():
+    rng = np.random.default_rng(2)
+    position, cell = rng.uniform(0.0, 3.0, (7, 3, 2)), rng.uniform(0.0, 3.0, (20, 2))
+    radius = np.array([[1.0, -np.inf], [0.5, 2.0], [-np.inf, 1.0]])
+    expected = np.zeros((2, 20), dtype=int)
+    for n, i, j, k in np.ndindex(7, 3, 2, 20):
+        expected[j, k] += np.linalg.norm(position[n, i] - cell[k]) <= radius[i, j]
+    np.testing.assert_array_equal(look_counts(position, cell, radius), expected)

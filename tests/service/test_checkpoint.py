@@ -16,7 +16,7 @@ from mpc_cover.service.state_directory import StateDirectory, StateError
 def snapshot(mission, mission_time_s=1.0, **fields):
     first = np.full((1, mission.field.size), np.inf)
     first[0, : int(mission_time_s)] = 0.5
-    return Snapshot(mission_time_s, first, **fields)
+    return Snapshot(mission_time_s, {"first": first}, **fields)
 
 
 @pytest.fixture
@@ -30,12 +30,13 @@ def journal(folder, mission, **options):
 
 
 def test_what_is_kept_is_found(folder, mission):
-    kept = snapshot(mission, 7.25, origins={"a1-life": 93.5}, lost={"a2": [1.25, 0.5]})
+    kept = snapshot(mission, 7.25, origins={"a1-life": 93.5}, lost={"a2": [1.25, 0.5]}, heard={"a1-life": 71})
     assert journal(folder, mission).save(kept, now=True) is None
     found, text = journal(folder, mission).load()
     assert (found.mission_time_s, found.finished, found.origins) == (7.25, False, {"a1-life": 93.5})
     assert found.lost == {"a2": [1.25, 0.5]}
-    np.testing.assert_array_equal(found.first, kept.first)
+    assert found.heard == {"a1-life": 71}
+    np.testing.assert_array_equal(found.map["first"], kept.map["first"])
     assert "goes on from the checkpoint at mission time 7.2 s" in text or "7.3 s" in text
 
 

@@ -207,7 +207,7 @@ def test_seeds_make_a_table(capsys):
 
 def test_the_timing_runs():
     taken = time_maps(0.317, steps=2)
-    assert set(taken) == {"plain", "K = 15", "Kalman", "Kalman, drawing its readings"}
+    assert set(taken) == {"plain", "K = 15", "K = 15, in flight", "Kalman", "Kalman, drawing its readings"}
     assert all(each.shape == (2,) for each in taken.values())
 
 

@@ -1,0 +1,77 @@
+"""The map that a mission asks for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.information.coverage_map import CoverageMap
+from mpc_cover.information.effective import Bump, EffectiveCoverage, k_coverage
+from mpc_cover.information.flight_map import FlightMap
+from mpc_cover.information.kalman import KalmanMap
+from mpc_cover.information.paced import PacedSensing
+from mpc_cover.information.patrol import PatrolMap
+from mpc_cover.information.scalar_field import TimedReadings, bumpy_field
+from mpc_cover.information.visibility import Visibility
+from mpc_cover.mission.information import AgeingInformation, EffectiveInformation, KalmanInformation
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.information.demand import FlownMap
+    from mpc_cover.information.looks import Looks
+    from mpc_cover.mission.load import Mission
+
+
+def make_map(mission: Mission, margin_m: float | None = None) -> FlownMap:
+    """Return an empty map of the kind that the mission asks for.
+
+    Sensing radii count less `margin_m` [m], by default the noise of the mission's positions.
+    """
+    given = mission.spec.information
+    if not mission.spec.looks_again:
+        return CoverageMap(mission, margin_m)
+    noise_m = mission.spec.disturbance.position_noise_m if margin_m is None else margin_m
+    sight = _Cautious(mission, noise_m) if noise_m else Visibility(mission.field, mission.fleet.radius)
+    if isinstance(given, AgeingInformation):
+        return PatrolMap(sight, given.age_limit_s, given.growth_per_s)
+    pace = PacedSensing(sight, mission.fleet.size, mission.spec.control.period_s)
+    if isinstance(given, EffectiveInformation):
+        amount = Bump(given.peak, given.least)
+        return FlightMap(EffectiveCoverage(pace, given.level, amount), pace, pace, graded=True)
+    if isinstance(given, KalmanInformation):
+        reading = TimedReadings(pace, true_field(mission), given.noise_variance, given.field.seed)
+        variances = {"variance": given.prior_variance, "noise": given.noise_variance}
+        inner = KalmanMap(reading, **variances, enough=given.target_variance, mean=given.prior_mean)
+        return FlightMap(inner, pace, reading, graded=True)
+    return FlightMap(k_coverage(pace, mission.spec.looks), pace, pace, graded=False)
+
+
+def true_field(mission: Mission) -> FloatArray:
+    """Return (J, K): what simulated sensors read but for their noise, one field for each magnitude.
+
+    Columns for the survivors of different faults (4.1) are of the same magnitude.
+    """
+    given = mission.spec.information
+    assert isinstance(given, KalmanInformation)
+    names = len(mission.spec.magnitudes)
+    rng = np.random.default_rng(given.field.seed)
+    fields = [bumpy_field(mission.field.cell, rng, given.field.bumps, given.field.amplitude) for _ in range(names)]
+    return np.repeat(np.array(fields), len(mission.fleet.magnitudes) // names, axis=0)
+
+
+class _Cautious:
+    """Sight for positions that are off by up to a noise: what counts is truly in range, and truly no farther."""
+
+    def __init__(self, mission: Mission, noise_m: float) -> None:
+        self._sight = Visibility(mission.field, mission.fleet.radius - noise_m)
+        self._noise = noise_m
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self._sight.shape
+
+    def looks(self, time_s: float | FloatArray, position: FloatArray, agent: IntArray | None = None) -> Looks:
+        seen = self._sight.looks(time_s, position, agent)
+        return replace(seen, distance=seen.distance + self._noise, radius=seen.radius + self._noise)

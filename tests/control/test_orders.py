@@ -1,0 +1,55 @@
+"""Mission plans are asked for a part of the looks owed, and held to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mission_kinds import mission_with
+
+from mpc_cover.control.orders import Orders
+from mpc_cover.control.stretch import Start
+from mpc_cover.information.build import make_map
+from mpc_cover.model.sensing import look_counts
+
+
+def start_of(mission, time=0.0):
+    return Start(mission.fleet.start, np.zeros_like(mission.fleet.start), time)
+
+
+@pytest.mark.parametrize(("owed", "asked"), [(2, 2), (3, 3), (4, 2), (15, 2)])
+def test_many_looks_are_asked_for_lap_by_lap(owed, asked):
+    mission = mission_with({"kind": "looks", "looks": owed})
+    orders = Orders(make_map(mission), mission.field)
+    weight, looks = orders.next(start_of(mission))
+    np.testing.assert_array_equal(looks, asked)
+    np.testing.assert_array_equal(weight, 1.0)
+    assert orders.more == (owed > asked)
+
+
+def test_what_is_left_is_what_was_asked_for_less_what_was_seen_and_what_the_rest_brings():
+    mission = mission_with({"kind": "looks", "looks": 9}, radius=1.2)
+    coverage = make_map(mission)
+    orders, radius = Orders(coverage, mission.field), mission.fleet.radius
+    orders.next(start_of(mission))
+    coverage.observe(0.0, mission.fleet.start)
+    later = mission.fleet.start + np.array([[[0.0, 1.0]], [[0.3, 1.5]]])
+    weight, looks = orders.left(start_of(mission, 0.5), later, radius)
+    seen = look_counts(mission.fleet.start[None], mission.field.cell, radius)
+    brought = look_counts(later, mission.field.cell, radius)
+    assert seen.any()
+    assert brought.max() >= 2
+    np.testing.assert_array_equal(looks, np.maximum(2 - seen - brought, 0))
+    np.testing.assert_array_equal(weight > 0.0, looks > 0)
+
+
+def test_plain_coverage_has_no_looks():
+    mission = mission_with(None, radius=1.2)
+    orders = Orders(make_map(mission), mission.field)
+    weight, looks = orders.next(start_of(mission))
+    assert looks is None
+    assert weight.all()
+    assert not orders.more
+    here, radius = mission.fleet.start[None], mission.fleet.radius
+    left, none = orders.left(start_of(mission), here, radius)
+    assert none is None
+    np.testing.assert_array_equal(left > 0.0, look_counts(here, mission.field.cell, radius) == 0)
