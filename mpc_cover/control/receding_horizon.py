@@ -13,8 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.control.courses import path_among
+from mpc_cover.control.easing import bounds_within_reach, strict
 from mpc_cover.control.fallback import Rung, brake_plan, shifted_plan
+from mpc_cover.control.measurable import measurable
 from mpc_cover.control.readiness import slowed, tightened, without
+from mpc_cover.control.reunion import apart, reunions
 from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.errors import UserError
@@ -23,12 +27,15 @@ from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.stretches import resampled
 from mpc_cover.planning.task import Task
-from mpc_cover.verification.motion import verify_motion
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.control.courses import Course
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
+    from mpc_cover.planning.task import Candidate
 
 _QPS = 2
 """QPs a step at the most: the rest of the budget is for what goes wrong."""
@@ -80,8 +87,18 @@ class RecedingHorizon:
         self._engine = Engine(backend)
         self.seed = seed
         self.coverage = CoverageMap(mission)
+        self._fleet = self._tight
+        self._bounds = strict(self._fleet)
+        self._courses: Mapping[int, Course] = {}
         self._whole: Plan | None = None
+        self._reunites = self._changed = False
+        self._measurable = np.ones_like(self.coverage.owed)
         self._published: Plan | None = None
+
+    @property
+    def unreachable(self) -> BoolArray:
+        """(J, K): what is owed, but cannot be measured by any of those who are left."""
+        return self.coverage.owed & ~self._measurable
 
     def prepare(
         self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
@@ -91,27 +108,25 @@ class RecedingHorizon:
         For a fleet at rest; `deadline` is on `time.perf_counter`, None for none.
         """
         begun = time.perf_counter()
-        start = Start(position, velocity, start_time)
-        if self.coverage.complete:
+        start = self._begin(position, velocity, start_time)
+        if self._nothing_left:
             return self._result(begun, deadline, *self._stop(start))
-        candidate = self._engine.whole(self._task(start), deadline)
-        self._whole = candidate.plan if candidate.feasible else None
-        return self._result(begun, deadline, *self._next(start, candidate.kind))
+        reason = self._replan(start, deadline, self._engine.whole)
+        return self._result(begun, deadline, *self._next(start, reason))
 
     def step(
         self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
     ) -> StepResult:
         """Return the plan from the predicted (m, d) state at `start_time` on; never raises for numerical trouble."""
         begun = time.perf_counter()
-        start = Start(position, velocity, start_time)
-        if self.coverage.complete:
+        start = self._begin(position, velocity, start_time)
+        if self._nothing_left:
             return self._result(begun, deadline, *self._stop(start))
-        whole, reason = self._rest_of_whole(start), "replanned"
-        if whole is None:
-            candidate = self._engine.quick(self._task(start), deadline)
-            self._whole = candidate.plan if candidate.feasible else None
+        self._whole = self._rest_of_whole(start)
+        if self._whole is None or self._reunites:
+            reason = self._replan(start, deadline, self._engine.quick)
         else:
-            self._whole, reason = self._improved(whole, start, deadline)
+            self._whole, reason = self._improved(self._whole, start, deadline)
         return self._result(begun, deadline, *self._next(start, reason))
 
     def set_lost(self, lost: BoolArray) -> None:
@@ -123,6 +138,10 @@ class RecedingHorizon:
             self._lost = np.array(lost, dtype=bool)
             self._change_fleet()
 
+    def set_courses(self, courses: Mapping[int, Course]) -> None:
+        """Keep clear of the lost while they still move, by number; without one they are where they come to rest."""
+        self._courses = courses
+
     def limit_speed(self, index: int, share: float) -> None:
         """Plan for an agent that reaches only this share of its speed."""
         if self._share[index] != share:
@@ -130,12 +149,54 @@ class RecedingHorizon:
             self._change_fleet()
 
     def _change_fleet(self) -> None:
-        fleet = without(slowed(self._tight, self._share), self._lost)
-        self._mission = replace(self._given, fleet=fleet)
+        self._fleet = without(slowed(self._tight, self._share), self._lost)
         self._whole = None
+        self._changed = True
+
+    def _begin(self, position: FloatArray, velocity: FloatArray, start_time: float) -> Start:
+        """Return the state to plan from; see which bounds can be kept from there, and what is in reach."""
+        start = Start(position, velocity, start_time)
+        known = [] if self._published is None else [shifted_plan(self._published, position, velocity, start_time)]
+        if self._changed or not known:
+            known.append(self._brake(start))
+        self._bounds = bounds_within_reach(
+            self._fleet, [path_among(plan, self._courses) for plan in known], self._truly(start)
+        )
+        self._mission = replace(self._given, fleet=self._bounds.planned)
+        if self._changed:
+            obstacles = position[self._lost]
+            self._measurable = measurable(self._fleet, self._given.field.cell, obstacles)
+        self._changed = False
+        return start
+
+    def _truly(self, start: Start) -> tuple[FloatArray, FloatArray]:
+        """Return the state (m, d) with the lost where they still are."""
+        position, velocity = start.position.copy(), start.velocity.copy()
+        for index, course in self._courses.items():
+            (position[index],), (velocity[index],), _ = course.at(np.array([start.time]))
+        return position, velocity
+
+    @property
+    def _nothing_left(self) -> bool:
+        return not (self.coverage.owed & self._measurable).any()
+
+    def _replan(
+        self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]
+    ) -> str:
+        """Plan what is owed from here, and say how; those who are out of range of each other meet before that."""
+        if not apart(start.position, self._fleet):
+            candidate = search(self._task(start), deadline)
+            if candidate.feasible and self._verified(candidate.plan, start):
+                self._whole, self._reunites = candidate.plan, False
+                return candidate.kind
+        if self._whole is None:
+            plans = reunions(start, self._fleet, self._period)
+            self._whole = next((plan for plan in plans if self._verified(plan, start)), None)
+            self._reunites = self._whole is not None
+        return "meets again"
 
     def _task(self, start: Start) -> Task:
-        weight = self.coverage.owed * self._mission.field.weight
+        weight = self.coverage.owed * self._measurable * self._mission.field.weight
         cell = self._mission.field.cell
         return Task(self._mission.fleet, cell, weight, start.position, start.velocity, start.time, self._period)
 
@@ -201,15 +262,7 @@ class RecedingHorizon:
         return brake_plan(start.position, start.velocity, self._mission.fleet, start.time, self._period, steps)
 
     def _verified(self, plan: Plan, start: Start) -> bool:
-        return verify_motion(
-            self._mission.fleet,
-            plan.time(),
-            plan.position,
-            plan.velocity,
-            plan.input,
-            at_rest=True,
-            start=(start.position, start.velocity),
-        ).holds
+        return self._bounds.keeps(path_among(plan, self._courses), self._truly(start))
 
     def _result(self, begun: float, deadline: float | None, plan: Plan, rung: Rung, reason: str) -> StepResult:
         self._published = plan

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from enum import Enum
 
     from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.control.courses import Course
     from mpc_cover.information.coverage_map import CoverageMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
@@ -66,6 +68,25 @@ class SharesWork(Protocol):
 
     def set_lost(self, lost: BoolArray) -> None:
         """Plan without those marked (m,): from now on their rows of a state say where they come to rest."""
+        ...
+
+
+@runtime_checkable
+class MindsCourses(Protocol):
+    """A brain that keeps clear of the lost while they still move."""
+
+    def set_courses(self, courses: Mapping[int, Course]) -> None:
+        """Take note of how those who are lost come to rest, by number; whoever is not in it rests already."""
+        ...
+
+
+@runtime_checkable
+class KnowsReach(Protocol):
+    """A brain that knows what nobody can measure any more."""
+
+    @property
+    def unreachable(self) -> BoolArray:
+        """(J, K): what is owed, but cannot be measured by any of those who are left."""
         ...
 
 

@@ -94,6 +94,7 @@ class Helm:
             return
         self._begun = time.perf_counter()
         position, velocity = crew.ahead(self._timeline.grid(tick + 1))
+        crew.warn(self._timeline.grid(tick + 1), self._timeline.origin_s)
         deadline = self._begun + left / self._speed if self._deadlines else None
         start = self._timeline.planned_start(tick + 1)
         try:

@@ -10,6 +10,7 @@ from mpc_cover.model.disturbance import disturbs_motion, still_air
 from mpc_cover.model.tube import tracking_of
 from mpc_cover.service.body import TrackingBody
 from mpc_cover.service.flight import START_TOLERANCE, Plant, Reference, Schedule, predict
+from mpc_cover.service.recorder import MemoryRecorder
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -70,6 +71,26 @@ class Whereabouts:
         assert link.state is not None
         plant = Plant(link.state.time_s, *link.measured())
         return predict(plant, Schedule(float(self._input_max[index])), time_s - link.offset)
+
+    def course(self, index: int, link: AgentLink, end_s: float, *, braked: bool) -> MemoryRecorder:
+        """Return the motion of agent number `index` from its newest state to `end_s`, as its own clock has it.
+
+        Braked as hard as it can, or along its plans.
+
+        Raises
+        ------
+        UnknownPlanError
+            See `ahead`.
+        """
+        assert link.state is not None
+        record = MemoryRecorder()
+        idle = Schedule(float(self._input_max[index]))
+        schedule = idle if braked else self._dispatch.schedule(index, link)
+        state = link.measured() if braked else link.planned()
+        plant = Plant(link.state.time_s, *state, log=record.piece)
+        plant.advance(end_s - link.offset, schedule)
+        record.mark(plant.time_s, plant.position, plant.velocity)
+        return record
 
     def settled(self, index: int, link: AgentLink) -> bool:
         """Return whether an agent does not move, nor will by any plan that was sent.
