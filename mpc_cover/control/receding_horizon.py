@@ -150,6 +150,7 @@ class RecedingHorizon:
 
     def _change_fleet(self) -> None:
         self._fleet = without(slowed(self._tight, self._share), self._lost)
+        self._mission = replace(self._given, fleet=self._fleet)
         self._whole = None
         self._changed = True
 
@@ -184,16 +185,18 @@ class RecedingHorizon:
         self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]
     ) -> str:
         """Plan what is owed from here, and say how; those who are out of range of each other meet before that."""
-        if not apart(start.position, self._fleet):
+        apart_now = apart(start.position, self._fleet)
+        if not apart_now:
             candidate = search(self._task(start), deadline)
             if candidate.feasible and self._verified(candidate.plan, start):
                 self._whole, self._reunites = candidate.plan, False
                 return candidate.kind
-        if self._whole is None:
+        torn = self._bounds.fleet.communication_range > self._fleet.communication_range
+        if self._whole is None and (apart_now or torn):
             plans = reunions(start, self._fleet, self._period)
             self._whole = next((plan for plan in plans if self._verified(plan, start)), None)
             self._reunites = self._whole is not None
-        return "meets again"
+        return "meets again" if self._reunites else "nothing better was found"
 
     def _task(self, start: Start) -> Task:
         weight = self.coverage.owed * self._measurable * self._mission.field.weight

@@ -49,10 +49,8 @@ def reunions(start: Start, fleet: Fleet, period: float) -> Iterator[Plan]:
     for weights in _weights(group, fleet):
         goal = _meeting(start.position, group, weights, fleet)
         for aside, first in product(_DETOURS, (False, True)):
-            paths = [np.array(way) for way in _ways(start.position, goal, aside * fleet.separation_min)]
+            paths = _ways(start.position, goal, aside * fleet.separation_min)
             yield _flown(start, paths, fleet, group, period, brake_first=first)
-            if fleet.separation_min == 0.0 and first:
-                break
 
 
 def _tree(position: FloatArray, fleet: Fleet) -> tuple[FloatArray, FloatArray]:
@@ -115,19 +113,18 @@ def _meeting(position: FloatArray, group: IntArray, weight: FloatArray, fleet: F
     return np.where(_active(fleet)[:, None], goal, position)
 
 
-def _ways(position: FloatArray, goal: FloatArray, aside: float) -> Iterator[list[FloatArray]]:
-    """Yield each agent's waypoints [m]: its goal, after a bend to the side if there is one."""
-    for here, there in zip(position, goal, strict=True):
-        way = there - here
-        length = float(np.linalg.norm(way))
-        if aside == 0.0 or length < 1e-9:  # noqa: PLR2004 - stays
-            yield [there]
-            continue
-        side = np.zeros_like(way)
-        side[0], side[1] = -way[1], way[0]
-        if (size := float(np.linalg.norm(side))) < 1e-9:  # noqa: PLR2004 - straight up
-            side, size = np.eye(way.size)[0], 1.0
-        yield [here + 0.5 * way + (aside / size) * side, there]
+def _ways(position: FloatArray, goal: FloatArray, aside: float) -> list[FloatArray]:
+    """Return each agent's waypoints [m]: its goal, or with a bend both halfway and there, all to the same side."""
+    way = goal - position
+    longest = way[np.argmax(np.linalg.norm(way, axis=1))]
+    side = np.zeros_like(longest)
+    side[:2] = -longest[1], longest[0]
+    if (size := float(np.linalg.norm(side))) < 1e-9:  # noqa: PLR2004 - straight up or down
+        side, size = np.eye(longest.size)[0], 1.0
+    bend = np.where((way != 0.0).any(axis=1)[:, None], aside / size * side, 0.0)
+    if aside == 0.0:
+        return list(goal[:, None])
+    return list(np.stack([position + 0.5 * way + bend, goal + bend], axis=1))
 
 
 def _flown(

@@ -164,8 +164,9 @@ def _check_connectivity(trajectory: Trajectory, losses: dict[int, float], tolera
     checks = [Check("connectivity", margin >= -tolerance, margin, "m", f"those left, t = {time[worst]:.3f} s")]
     for one in excused:
         where = (
-            f"apart for {one.end - one.begin:.2f} s from t = {one.begin:.2f} s on, up to {one.largest:.3f} m, "
-            f"after the loss at t = {one.loss:.2f} s; then nearer and nearer, together at t = {one.end:.2f} s"
+            f"after the loss at t = {one.loss:.2f} s the others were apart for {one.end - one.begin:.2f} s, "
+            f"by {one.largest:.3f} m, from t = {one.begin:.2f} s to t = {one.end:.2f} s"
         )
-        checks.append(Check("together again after a loss", True, one.allowed - one.later, "m", where))  # noqa: FBT003
+        slack = one.allowed - max(one.later, reach)
+        checks.append(Check("together again after a loss", holds=True, margin=slack, unit="m", where=where))
     return checks
