@@ -91,7 +91,7 @@ def verify_with_losses(
 def stretches(trajectory: Trajectory, losses: dict[int, float]) -> Iterator[tuple[Path, Fleet]]:
     """Yield the path between losses with the fleet as it is then; whom an interval loses is lost from its start."""
     fleet, end = trajectory.mission.fleet, len(trajectory.time) - 1
-    begins = {i: max(0, int(np.searchsorted(trajectory.time, t, side="right")) - 1) for i, t in losses.items()}
+    begins = {i: _sample_of(trajectory, loss) for i, loss in losses.items()}
     cuts = {0, end} | {min(begin, end) for begin in begins.values()}
     for first, last in pairwise(sorted(cuts)):
         lost = tuple(sorted(i for i, begin in begins.items() if begin <= first))
@@ -101,6 +101,11 @@ def stretches(trajectory: Trajectory, losses: dict[int, float]) -> Iterator[tupl
             trajectory.time[part], trajectory.position[part], trajectory.velocity[part], trajectory.input[first:last]
         )
         yield path, replace(fleet, lost=lost, links=links)
+
+
+def _sample_of(trajectory: Trajectory, loss: float) -> int:
+    """Return the sample at which the interval begins in which someone is lost."""
+    return max(0, int(np.searchsorted(trajectory.time, loss, side="right")) - 1)
 
 
 def separations(trajectory: Trajectory, losses: dict[int, float], tolerance: float) -> list[Separation]:
@@ -125,7 +130,7 @@ def _judged(
     )
     # a second loss may come while they are still apart: what it adds is its own
     causes = [loss for loss in losses.values() if begin - reaction <= loss + _SAME_TIME and loss < met]
-    if not any(loss <= begin + _SAME_TIME for loss in causes):
+    if not any(trajectory.time[_sample_of(trajectory, loss)] <= begin + _SAME_TIME for loss in causes):
         return Separation(begin, met, largest)
     loss = max(causes)
     early = time <= loss + reaction + _SAME_TIME
