@@ -161,17 +161,17 @@ class Crew:
                 return resting(self._where.ahead(index, link, end_s, self._pace.speed_max(index, link))[0])
             except UnknownPlanError:
                 return resting(link.measured()[0])
-        return resting(self._where.braked(index, link, end_s)[0])
+        return resting(self._where.braked(index, link, end_s, self.fleet.token_went_s(link))[0])
 
     def _course_of(self, index: int, origin_s: float) -> Course | None:
         """Return how someone lost comes to rest, in mission time; None when that is not known."""
         link = self.fleet.links[index]
         if link.state is None:
             return None
-        braked = self._roll.lost[index] is Fate.BRAKES
+        died_s = self.fleet.token_went_s(link) if self._roll.lost[index] is Fate.BRAKES else None
         end_s = link.measured_s() + FAR_HORIZONS * self._horizon_s
         try:
-            motion = motion_of(self._where.course(index, link, end_s, braked=braked).pieces)
+            motion = motion_of(self._where.course(index, link, end_s, died_s).pieces)
         except UnknownPlanError:
             return None
         rows = int(np.searchsorted(motion.time, motion.rests_from() + SNAP_S))
