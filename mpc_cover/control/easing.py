@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.verification.connectivity import widest_bottleneck
-from mpc_cover.verification.motion import verify_motion
+from mpc_cover.verification.motion import taking_part, verify_motion
 from mpc_cover.verification.path import Path
 from mpc_cover.verification.separation import smallest_separation
 
@@ -57,6 +57,29 @@ class Bounds:
             value >= self.apart.get(pair, self.fleet.separation_min) - _ROUNDING
             for pair, value in _separations(path, self.fleet)
         )
+
+    def keeps_mixed(self, path: Path, other: Path) -> bool:
+        """Return whether everyone stays apart and in touch whoever flies the `other` of two motions.
+
+        Any number of them, as far as separation goes; in touch, if it is one alone. Both are of the same samples.
+        """
+        for index in self.fleet.active:
+            mixed = []
+            for own, others in (
+                (path.position, other.position),
+                (path.velocity, other.velocity),
+                (path.force, other.force),
+            ):
+                one = own.copy()
+                one[:, index] = others[:, index]
+                mixed.append(one)
+            motion = Path(path.time, *mixed)
+            if longest_edge(motion, self.fleet) > self.fleet.communication_range + _ROUNDING:
+                return False
+            for pair, value in _separations(motion, self.fleet):
+                if value < self.apart.get(pair, self.fleet.separation_min) - _ROUNDING:
+                    return False
+        return True
 
 
 def strict(fleet: Fleet) -> Bounds:
@@ -105,9 +128,7 @@ def eased(fleet: Fleet, path: Path) -> Bounds:
 
 def longest_edge(path: Path, fleet: Fleet) -> float:
     """Return the longest edge [m] of the tree of those who take part, at any instant of a path; 0 for one agent."""
-    part = list(fleet.active)
-    some = Path(path.time, path.position[:, part], path.velocity[:, part], path.force[:, part])
-    widest = widest_bottleneck(some, limit=fleet.communication_range)
+    widest = widest_bottleneck(taking_part(path, fleet)[0], limit=fleet.communication_range)
     return widest.value if widest is not None else 0.0
 
 

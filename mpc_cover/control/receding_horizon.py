@@ -8,16 +8,11 @@ What is published is that stretch, ended at rest and verified.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from mpc_cover.control.courses import path_among
-from mpc_cover.control.easing import bounds_within_reach, strict
-from mpc_cover.control.fallback import Rung, brake_plan, shifted_plan
-from mpc_cover.control.measurable import measurable
-from mpc_cover.control.readiness import slowed, tightened, without
+from mpc_cover.control.fallback import Rung, shifted_plan
+from mpc_cover.control.footing import Footing
 from mpc_cover.control.reunion import apart, reunions
 from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
 from mpc_cover.coverage.nearest import still_owed
@@ -78,27 +73,20 @@ class RecedingHorizon:
             raise UserError(
                 f"area.looks: {mission.spec.area.looks}: only `plan` plans for several looks, flights do not"
             )
-        self._given = mission
-        self._tight = tightened(mission)
-        self._lost = np.zeros(mission.fleet.size, dtype=bool)
-        self._share = np.ones(mission.fleet.size)
-        self._mission = replace(mission, fleet=self._tight)
+        self._footing = Footing(mission)
+        self._mission = self._footing.mission
         self._period = mission.spec.control.period_s
         self._engine = Engine(backend)
         self.seed = seed
         self.coverage = CoverageMap(mission)
-        self._fleet = self._tight
-        self._bounds = strict(self._fleet)
-        self._courses: Mapping[int, Course] = {}
         self._whole: Plan | None = None
-        self._reunites = self._changed = False
-        self._measurable = np.ones_like(self.coverage.owed)
+        self._reunites = False
         self._published: Plan | None = None
 
     @property
     def unreachable(self) -> BoolArray:
         """(J, K): what is owed, but cannot be measured by any of those who are left."""
-        return self.coverage.owed & ~self._measurable
+        return self.coverage.owed & ~self._footing.measurable
 
     def prepare(
         self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
@@ -134,72 +122,49 @@ class RecedingHorizon:
 
         They stand still where the next step says they are, as obstacles. What only they could measure stays owed.
         """
-        if not np.array_equal(lost, self._lost):
-            self._lost = np.array(lost, dtype=bool)
-            self._change_fleet()
+        if self._footing.set_lost(lost):
+            self._start_over()
 
     def set_courses(self, courses: Mapping[int, Course]) -> None:
         """Keep clear of the lost while they still move, by number; without one they are where they come to rest."""
-        self._courses = courses
+        self._footing.courses = courses
 
     def limit_speed(self, index: int, share: float) -> None:
         """Plan for an agent that reaches only this share of its speed."""
-        if self._share[index] != share:
-            self._share[index] = share
-            self._change_fleet()
+        if self._footing.limit_speed(index, share):
+            self._start_over()
 
-    def _change_fleet(self) -> None:
-        self._fleet = without(slowed(self._tight, self._share), self._lost)
-        self._mission = replace(self._given, fleet=self._fleet)
+    def _start_over(self) -> None:
+        self._mission = self._footing.mission
         self._whole = None
-        self._changed = True
 
     def _begin(self, position: FloatArray, velocity: FloatArray, start_time: float) -> Start:
-        """Return the state to plan from; see which bounds can be kept from there, and what is in reach."""
         start = Start(position, velocity, start_time)
-        known = [] if self._published is None else [shifted_plan(self._published, position, velocity, start_time)]
-        if self._changed or not known:
-            known.append(self._brake(start))
-        self._bounds = bounds_within_reach(
-            self._fleet, [path_among(plan, self._courses) for plan in known], self._truly(start)
-        )
-        self._mission = replace(self._given, fleet=self._bounds.planned)
-        if self._changed:
-            obstacles = position[self._lost]
-            self._measurable = measurable(self._fleet, self._given.field.cell, obstacles)
-        self._changed = False
+        self._footing.take(start, self._published)
+        self._mission = self._footing.mission
         return start
-
-    def _truly(self, start: Start) -> tuple[FloatArray, FloatArray]:
-        """Return the state (m, d) with the lost where they still are."""
-        position, velocity = start.position.copy(), start.velocity.copy()
-        for index, course in self._courses.items():
-            (position[index],), (velocity[index],), _ = course.at(np.array([start.time]))
-        return position, velocity
 
     @property
     def _nothing_left(self) -> bool:
-        return not (self.coverage.owed & self._measurable).any()
+        return not (self.coverage.owed & self._footing.measurable).any()
 
-    def _replan(
-        self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]
-    ) -> str:
+    def _replan(self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]) -> str:
         """Plan what is owed from here, and say how; those who are out of range of each other meet before that."""
-        apart_now = apart(start.position, self._fleet)
+        footing = self._footing
+        apart_now = apart(start.position, footing.fleet)
         if not apart_now:
             candidate = search(self._task(start), deadline)
-            if candidate.feasible and self._verified(candidate.plan, start):
+            if candidate.feasible and self._footing.keeps(candidate.plan, start):
                 self._whole, self._reunites = candidate.plan, False
                 return candidate.kind
-        torn = self._bounds.fleet.communication_range > self._fleet.communication_range
-        if self._whole is None and (apart_now or torn):
-            plans = reunions(start, self._fleet, self._period)
-            self._whole = next((plan for plan in plans if self._verified(plan, start)), None)
+        if self._whole is None and (apart_now or footing.torn):
+            plans = reunions(start, footing.fleet, self._period)
+            self._whole = next((plan for plan in plans if footing.keeps(plan, start)), None)
             self._reunites = self._whole is not None
         return "meets again" if self._reunites else "nothing better was found"
 
     def _task(self, start: Start) -> Task:
-        weight = self.coverage.owed * self._measurable * self._mission.field.weight
+        weight = self.coverage.owed * self._footing.measurable * self._mission.field.weight
         cell = self._mission.field.cell
         return Task(self._mission.fleet, cell, weight, start.position, start.velocity, start.time, self._period)
 
@@ -212,7 +177,7 @@ class RecedingHorizon:
         if not 0 <= done < whole.steps:
             return None
         rest = start.plan(whole.velocity[done + 1 :], self._period)
-        return rest if self._verified(rest, start) else None
+        return rest if self._footing.keeps(rest, start) else None
 
     def _improved(self, whole: Plan, start: Start, deadline: float | None) -> tuple[Plan, str]:
         """Re-solve the stretch within the horizon, a sample shorter if all that was to be covered still is."""
@@ -229,7 +194,7 @@ class RecedingHorizon:
         better = found.cost == 0.0 if sooner else found.cost < now.cost
         if found.feasible and better:
             plan = spliced(whole, window.motion(found.x)[1], stretch)
-            if self._verified(plan, start):
+            if self._footing.keeps(plan, start) and self._footing.keeps_if_missed(plan, whole):
                 return plan, "a sample sooner" if sooner else "more coverage"
         return whole, "no sample sooner" if sooner else "no better"
 
@@ -243,29 +208,22 @@ class RecedingHorizon:
         """Cut the horizon out of the mission plan, end it at rest, verify it; else go down the ladder."""
         if self._whole is not None:
             for plan in ended_at_rest(self._whole, self._mission):
-                if self._verified(plan, start):
+                if self._footing.keeps(plan, start):
                     return plan, Rung.NEW, reason
         reason = "no new plan passed the verifier"
         if self._published is not None:
             shifted = shifted_plan(self._published, start.position, start.velocity, start.time)
-            if self._verified(shifted, start):
+            if self._footing.keeps(shifted, start):
                 return shifted, Rung.SHIFTED, reason
-        return self._brake(start), Rung.BRAKE, reason
+        return self._footing.brake(start), Rung.BRAKE, reason
 
     def _stop(self, start: Start) -> tuple[Plan, Rung, str]:
         """Come to rest: at once if that is safe, else along the plan that was verified."""
-        stop, reason = self._brake(start), "all is covered"
-        if self._verified(stop, start) or self._published is None:
+        stop, reason = self._footing.brake(start), "all is covered"
+        if self._footing.keeps(stop, start) or self._published is None:
             return stop, Rung.REST, reason
         shifted = shifted_plan(self._published, start.position, start.velocity, start.time)
-        return (shifted, Rung.SHIFTED, reason) if self._verified(shifted, start) else (stop, Rung.BRAKE, reason)
-
-    def _brake(self, start: Start) -> Plan:
-        steps = self._mission.spec.control.horizon_steps
-        return brake_plan(start.position, start.velocity, self._mission.fleet, start.time, self._period, steps)
-
-    def _verified(self, plan: Plan, start: Start) -> bool:
-        return self._bounds.keeps(path_among(plan, self._courses), self._truly(start))
+        return (shifted, Rung.SHIFTED, reason) if self._footing.keeps(shifted, start) else (stop, Rung.BRAKE, reason)
 
     def _result(self, begun: float, deadline: float | None, plan: Plan, rung: Rung, reason: str) -> StepResult:
         self._published = plan

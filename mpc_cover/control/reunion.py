@@ -20,7 +20,7 @@ from mpc_cover.planning.follow import follow
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.control.stretch import Start
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.planning.plan import Plan
@@ -53,7 +53,7 @@ def reunions(start: Start, fleet: Fleet, period: float) -> Iterator[Plan]:
             yield _flown(start, paths, fleet, group, period, brake_first=first)
 
 
-def _tree(position: FloatArray, fleet: Fleet) -> tuple[FloatArray, FloatArray]:
+def _tree(position: FloatArray, fleet: Fleet) -> tuple[FloatArray, BoolArray]:
     one, two = all_pairs(fleet.size)
     length = np.linalg.norm(position[one] - position[two], axis=1)
     return length, fleet_trees(length[None], fleet)[0]
@@ -85,7 +85,7 @@ def _weights(group: IntArray, fleet: Fleet) -> Iterator[FloatArray]:
         yield np.where(group == still, 1e-6, slowest)
 
 
-def _active(fleet: Fleet) -> FloatArray:
+def _active(fleet: Fleet) -> BoolArray:
     return np.isin(np.arange(fleet.size), fleet.active)
 
 
@@ -108,7 +108,7 @@ def _meeting(position: FloatArray, group: IntArray, weight: FloatArray, fleet: F
             pull = (excess / distance / (weight[i] + weight[j])) * between
             goal[group == group[i]] += weight[i] * pull
             goal[group == group[j]] -= weight[j] * pull
-        if worst < 1e-3 * near:  # noqa: PLR2004 - a thousandth of the range
+        if worst < 1e-3 * near:
             break
     return np.where(_active(fleet)[:, None], goal, position)
 

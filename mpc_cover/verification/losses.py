@@ -14,7 +14,7 @@ import numpy as np
 
 from mpc_cover.verification.connectivity import bottlenecks
 from mpc_cover.verification.ends import check_links
-from mpc_cover.verification.motion import check_connectivity, verify_motion
+from mpc_cover.verification.motion import check_connectivity, taking_part, verify_motion
 from mpc_cover.verification.path import Path
 from mpc_cover.verification.report import Check, Report
 
@@ -142,10 +142,8 @@ def _longest_edges(trajectory: Trajectory, losses: dict[int, float]) -> tuple[Fl
     """Return when pieces of the path begin (n,) [s], and the longest edge of the tree within each (n,) [m]."""
     times, edges = [], []
     for path, fleet in stretches(trajectory, losses):
-        part = list(fleet.active)
-        if len(part) > 1:
-            some = Path(path.time, path.position[:, part], path.velocity[:, part], path.force[:, part])
-            time, longest = bottlenecks(some)
+        if len(fleet.active) > 1:
+            time, longest = bottlenecks(taking_part(path, fleet)[0])
         else:
             time, longest = path.time[:-1], np.zeros(path.time.size - 1)
         times.append(time)

@@ -61,7 +61,7 @@ def verify_motion(
     if (wrong := _what_is_wrong(fleet, arrays)) is not None:
         return _nothing_else_looked_at(fleet, wrong, at_rest=at_rest, start=start is not None)
     path = Path(*(np.asarray(array, dtype=float) for array in arrays[:4]))
-    own, part = _those(path, fleet, fleet.active)
+    own, part = taking_part(path, fleet)
     checks = [
         Check("numbers", holds=True, margin=0.0, unit="", where="all finite"),
         *check_dynamics(path, fleet.ids, tolerance),
@@ -95,6 +95,11 @@ def _check_separation(path: Path, fleet: Fleet, tolerance: float) -> Check:
     return Check("separation", margin >= -tolerance, margin, "m", where)
 
 
+def taking_part(path: Path, fleet: Fleet) -> tuple[Path, Fleet]:
+    """Return the path of those who are not lost, and their limits."""
+    return _those(path, fleet, fleet.active)
+
+
 def _those(path: Path, fleet: Fleet, group: tuple[int, ...]) -> tuple[Path, Fleet]:
     """Return the path of some agents, and their limits."""
     if len(group) == fleet.size:
@@ -107,7 +112,7 @@ def _those(path: Path, fleet: Fleet, group: tuple[int, ...]) -> tuple[Path, Flee
 
 def check_connectivity(path: Path, fleet: Fleet, tolerance: float) -> Check:
     """Check that edges of at most rho_C connect those who take part at every instant (4.20)."""
-    path, part = _those(path, fleet, fleet.active)
+    path, part = taking_part(path, fleet)
     if len(fleet.active) < 2:  # noqa: PLR2004 - a pair
         return Check("connectivity", holds=True, margin=np.inf, unit="m", where="nobody to lose touch with")
     widest = widest_bottleneck(path, limit=fleet.communication_range, resolution=0.5 * tolerance)

@@ -121,7 +121,9 @@ def scattered(seed):
         distance = np.linalg.norm(np.array(places) - place, axis=1)
         if distance.min() > 1.0 and distance.min() < reach - 0.5:
             places.append(place)
-    raw = row_mission([1.0, 3.0], size=(10.0, 10.0), reach=reach, cell=0.5).spec.model_dump(by_alias=True, exclude_none=True)
+    raw = row_mission([1.0, 3.0], size=(10.0, 10.0), reach=reach, cell=0.5).spec.model_dump(
+        by_alias=True, exclude_none=True
+    )
     raw["fleet"]["agents"] = [{"id": f"a{i + 1}", "start_m": place.tolist()} for i, place in enumerate(places)]
     raw["control"] |= {"horizon_steps": 20, "time_limit_s": 120.0}
     who = rng.choice(agents, min(agents - 1, 1 + seed % 2), replace=False)
