@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from mpc_cover.control.fallback import Rung, shifted_plan
@@ -93,13 +94,15 @@ class RecedingHorizon:
     ) -> StepResult:
         """Plan the whole mission from (m, d) `position` [m], thoroughly, and return its first stretch.
 
-        For a fleet at rest; `deadline` is on `time.perf_counter`, None for none.
+        For a fleet at rest; `deadline` is on `time.perf_counter`. Without one the mission's planning time bounds the
+        work instead of the time, and the plan is the same every time.
         """
         begun = time.perf_counter()
         start = self._begin(position, velocity, start_time)
         if self._nothing_left:
             return self._result(begun, deadline, *self._stop(start))
-        reason = self._replan(start, deadline, self._engine.whole)
+        planning_s = self._mission.spec.control.planning_time_s
+        reason = self._replan(start, deadline, partial(self._engine.whole, effort_s=planning_s))
         return self._result(begun, deadline, *self._next(start, reason))
 
     def step(
