@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from mpc_cover.control.fallback import Rung, shifted_plan
 from mpc_cover.control.footing import Footing
 from mpc_cover.control.reunion import apart, reunions
+from mpc_cover.control.salvage import as_before
 from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.errors import UserError
@@ -81,6 +82,8 @@ class RecedingHorizon:
         self.seed = seed
         self.coverage = CoverageMap(mission)
         self._whole: Plan | None = None
+        self._former: Plan | None = None
+        self.wants_thought = False
         self._reunites = False
         self._published: Plan | None = None
 
@@ -101,6 +104,7 @@ class RecedingHorizon:
         start = self._begin(position, velocity, start_time)
         if self._nothing_left:
             return self._result(begun, deadline, *self._stop(start))
+        self.wants_thought = False
         planning_s = self._mission.spec.control.planning_time_s
         reason = self._replan(start, deadline, partial(self._engine.whole, effort_s=planning_s))
         return self._result(begun, deadline, *self._next(start, reason))
@@ -111,9 +115,11 @@ class RecedingHorizon:
         """Return the plan from the predicted (m, d) state at `start_time` on; never raises for numerical trouble."""
         begun = time.perf_counter()
         start = self._begin(position, velocity, start_time)
-        if self._nothing_left:
+        if self._nothing_left or self.wants_thought:
             return self._result(begun, deadline, *self._stop(start))
-        self._whole = self._rest_of_whole(start)
+        known, self._whole = self._whole, self._rest_of_whole(start)
+        if self._whole is None and known is not None and not self._reunites and start.time < known.end_time:
+            self._former = known
         if self._whole is None or self._reunites:
             reason = self._replan(start, deadline, self._engine.quick)
         else:
@@ -139,7 +145,7 @@ class RecedingHorizon:
 
     def _start_over(self) -> None:
         self._mission = self._footing.mission
-        self._whole = None
+        self._former, self._whole = self._whole or self._former, None
 
     def _begin(self, position: FloatArray, velocity: FloatArray, start_time: float) -> Start:
         start = Start(position, velocity, start_time)
@@ -155,16 +161,28 @@ class RecedingHorizon:
         """Plan what is owed from here, and say how; those who are out of range of each other meet before that."""
         footing = self._footing
         apart_now = apart(start.position, footing.fleet)
-        if not apart_now:
-            candidate = search(self._task(start), deadline)
-            if candidate.feasible and self._footing.keeps(candidate.plan, start):
-                self._whole, self._reunites = candidate.plan, False
-                return candidate.kind
+        if not apart_now and (best := self._best_found(start, deadline, search)) is not None:
+            idle = best.kind == "rest" and best.cost > 0.0
+            self.wants_thought = idle and deadline is not None and self._former is not None
+            self._whole, self._reunites, self._former = best.plan, False, None
+            return best.kind
         if self._whole is None and (apart_now or footing.torn):
             plans = reunions(start, footing.fleet, self._period)
             self._whole = next((plan for plan in plans if footing.keeps(plan, start)), None)
             self._reunites = self._whole is not None
         return "meets again" if self._reunites else "nothing better was found"
+
+    def _best_found(
+        self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]
+    ) -> Candidate | None:
+        """Return the better of what is left of the former plan and of a search, for which a step may be too short."""
+        task, sound = self._task(start), []
+        if self._former is not None:
+            sound.append(as_before(task, self._former))
+        if deadline is None or not sound or not sound[0].complete:
+            sound.append(search(task, deadline))
+        sound = [one for one in sound if one.feasible and self._footing.keeps(one.plan, start)]
+        return min(sound, key=lambda candidate: candidate.rank, default=None)
 
     def _task(self, start: Start) -> Task:
         weight = self.coverage.owed * self._footing.measurable * self._mission.field.weight
@@ -222,7 +240,7 @@ class RecedingHorizon:
 
     def _stop(self, start: Start) -> tuple[Plan, Rung, str]:
         """Come to rest: at once if that is safe, else along the plan that was verified."""
-        stop, reason = self._footing.brake(start), "all is covered"
+        stop, reason = self._footing.brake(start), "all is covered" if self._nothing_left else "stops to think"
         if self._footing.keeps(stop, start) or self._published is None:
             return stop, Rung.REST, reason
         shifted = shifted_plan(self._published, start.position, start.velocity, start.time)

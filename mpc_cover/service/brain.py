@@ -91,6 +91,16 @@ class KnowsReach(Protocol):
 
 
 @runtime_checkable
+class WantsThought(Protocol):
+    """A brain that knows when a step is too short for what it has to plan."""
+
+    @property
+    def wants_thought(self) -> bool:
+        """Whether it is worth while to stop and plan thoroughly."""
+        ...
+
+
+@runtime_checkable
 class LimitsSpeed(Protocol):
     """A brain that can plan for an agent that is slower than its mission says."""
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from mpc_cover.service.brain import KnowsReach
+from mpc_cover.service.brain import KnowsReach, WantsThought
 from mpc_cover.service.commands import CommandDesk
 from mpc_cover.service.crew import Crew
 from mpc_cover.service.dispatch import Dispatch, UnknownPlanError
@@ -214,6 +214,8 @@ class Controller:
             return
         if self._helm.failures >= MAX_FAILURES:
             self._regroup(f"{self._helm.failures} steps failed")
+        elif isinstance(self.brain, WantsThought) and self.brain.wants_thought and self._helm.sent:
+            self._regroup("a step is too short to plan anew")
 
     @property
     def _nothing_left(self) -> bool:
