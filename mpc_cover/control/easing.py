@@ -51,12 +51,7 @@ class Bounds:
         arrays = (path.time, path.position, path.velocity, path.force)
         if not verify_motion(self.planned, *arrays, at_rest=True, start=start).holds:
             return False
-        if not self.apart:
-            return True
-        return all(
-            value >= self.apart.get(pair, self.fleet.separation_min) - _ROUNDING
-            for pair, value in _separations(path, self.fleet)
-        )
+        return not self.apart or self._keeps_apart(path)
 
     def keeps_mixed(self, path: Path, other: Path) -> bool:
         """Return whether everyone stays apart and in touch whoever flies the `other` of two motions.
@@ -76,10 +71,18 @@ class Bounds:
             motion = Path(path.time, *mixed)
             if longest_edge(motion, self.fleet) > self.fleet.communication_range + _ROUNDING:
                 return False
-            for pair, value in _separations(motion, self.fleet):
-                if value < self.apart.get(pair, self.fleet.separation_min) - _ROUNDING:
-                    return False
+            if not self._keeps_apart(motion):
+                return False
         return True
+
+    def _keeps_apart(self, path: Path) -> bool:
+        if not self.apart and len(self.fleet.lost) < 2:  # noqa: PLR2004 - two that are lost may come near each other
+            closest = smallest_separation(path)
+            return closest is None or closest.value >= self.fleet.separation_min - _ROUNDING
+        return all(
+            value >= self.apart.get(pair, self.fleet.separation_min) - _ROUNDING
+            for pair, value in _separations(path, self.fleet)
+        )
 
 
 def strict(fleet: Fleet) -> Bounds:
