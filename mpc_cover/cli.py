@@ -58,6 +58,10 @@ Timeout = Annotated[
     float, typer.Option("--connect-timeout", help="How long to wait for endpoints to be reachable [s].")
 ]
 WithParent = Annotated[bool, typer.Option("--with-parent", hidden=True, help="End when standard input ends.")]
+Kill = Annotated[
+    list[str] | None,
+    typer.Option("--kill", metavar="AGENT@SECONDS", help="Let an agent die at a mission time; may be repeated."),
+]
 StepLog = Annotated[Path | None, typer.Option("--step-log", hidden=True, help="Append each step's figures here.")]
 
 
@@ -85,24 +89,28 @@ def demo(
     seed: Seed = 0,
     backend: Backend = "piqp",
     speed: Speed = 1.0,
+    kill: Kill = None,
     as_json: Json = False,
 ) -> None:
     """Fly a mission with a controller and its agents as real processes over Zenoh on loopback."""
     from mpc_cover.service.demo import DemoOptions, run_demo  # noqa: PLC0415
+    from mpc_cover.service.kills import parse_kills  # noqa: PLC0415
     from mpc_cover.service.run_folder import RunFolder, default_folder  # noqa: PLC0415
 
     _check_speed(speed)
     _check_backend(backend)
     loaded = _load(mission)
+    deaths = parse_kills(kill or [], loaded)
     folder = RunFolder(out or default_folder(loaded), "demo", loaded)
     console = _console(as_json)
     fleet = f"{loaded.fleet.size} agents, {loaded.field.size} cells"
     console.print(f"{loaded.spec.name}: {fleet}; run folder {folder.path}", highlight=False, markup=False)
-    result = run_demo(loaded, DemoOptions(backend, seed, speed), folder, console)
+    result = run_demo(loaded, DemoOptions(backend, seed, speed, deaths), folder, console)
     extra = {
         "folder": str(folder.path),
         "outcome": result.outcome,
         "controller_restarts": result.controller_restarts,
+        "lost": list(result.lost),
         "exit_status": result.exit_status,
     }
     _finish(console, result.summary, extra, as_json, where=folder.path)
@@ -149,6 +157,7 @@ def agent(
     config: Config = None,
     connect_timeout: Timeout = 10.0,
     record: Annotated[Path | None, typer.Option("--record", help="Write the exact motion here.")] = None,
+    seed: Seed = 0,
     speed: Speed = 1.0,
     with_parent: WithParent = False,
 ) -> None:
@@ -159,7 +168,7 @@ def agent(
     _check_speed(speed)
     loaded = _load(mission)
     network = _network(connect, listen, config, connect_timeout, default_connect=DEFAULT_ENDPOINT)
-    raise typer.Exit(fly(loaded, agent_id, AgentOptions(speed, record, with_parent), network))
+    raise typer.Exit(fly(loaded, agent_id, AgentOptions(speed, record, with_parent, seed), network))
 
 
 @app.command()
@@ -168,22 +177,27 @@ def simulate(
     out: Out = None,
     seed: Seed = 0,
     backend: Backend = "piqp",
+    kill: Kill = None,
     as_json: Json = False,
 ) -> None:
     """Fly the same closed loop in one process on a virtual clock: no network, the same result every time."""
+    from mpc_cover.service.kills import parse_kills  # noqa: PLC0415
     from mpc_cover.service.progress import Progress  # noqa: PLC0415
     from mpc_cover.service.run_folder import RunFolder, default_folder, step_times_of  # noqa: PLC0415
     from mpc_cover.service.simulate import simulate as run_simulation  # noqa: PLC0415
 
     _check_backend(backend)
     loaded = _load(mission)
+    deaths = parse_kills(kill or [], loaded)
     folder = RunFolder(out or default_folder(loaded), "simulate", loaded)
     console = _console(as_json)
     with Progress(console) as progress:
-        result = run_simulation(loaded, backend=backend, seed=seed, on_tick=progress.show)
+        result = run_simulation(loaded, backend=backend, seed=seed, deaths=deaths, on_tick=progress.show)
     times = step_times_of([step.tick_time_s for step in result.steps if step.kind == "step"])
-    summary = folder.write(result.trajectory, times, {"complete": result.complete})
-    extra = {"folder": str(folder.path), "complete": result.complete}
+    console.print(result.outcome, highlight=False, markup=False, soft_wrap=True)
+    ended = {"complete": result.complete, "outcome": result.outcome, "lost": list(result.lost)}
+    summary = folder.write(result.trajectory, times, ended)
+    extra = {"folder": str(folder.path), **ended}
     _finish(console, summary, extra, as_json, where=folder.path)
     raise typer.Exit(0 if result.complete and summary.holds else 1)
 

@@ -342,6 +342,25 @@ def test_bad_step_times(simulated, refused, tmp_path):
     assert "step times" in refused("plot", "run")
 
 
+@pytest.mark.parametrize("command", ["simulate", "demo"])
+@pytest.mark.parametrize("kill", ["a2", "a9@3", "a2@-1", "a2@soon"])
+def test_deaths_that_cannot_be(refused, quick, tmp_path, command, kill):
+    message = refused(command, quick, "--out", "run", "--kill", kill)
+    assert "--kill" in message
+    assert kill in message
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_death_is_simulated_and_told(run, quick):
+    status, out, err = run("simulate", quick, "--out", "run", "--json", "--kill", "a2@1.5")
+    summary = json.loads(out)
+    assert status == 0
+    assert summary["lost"] == ["a2"]
+    assert summary["outcome"] == "everything is covered, and everyone but a2 is at rest"
+    assert summary["outcome"] in err
+    assert run("check", "run")[0] == 0
+
+
 def test_plan_and_plot(run, quick, tmp_path):
     status, out, _ = run("plan", quick, "--out", "p.npz", "--json")
     summary = json.loads(out)

@@ -9,25 +9,31 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.control.fallback import Rung, brake_plan, shifted_plan
+from mpc_cover.control.fallback import Rung, shifted_plan
+from mpc_cover.control.footing import Footing
 from mpc_cover.control.orders import Orders
-from mpc_cover.control.readiness import slowed, tightened, without
+from mpc_cover.control.reunion import apart, reunions
+from mpc_cover.control.salvage import as_before
 from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
 from mpc_cover.information.build import make_map
 from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.stretches import resampled
 from mpc_cover.planning.task import Task
-from mpc_cover.verification.motion import verify_motion
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
+    from mpc_cover.control.courses import Course
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
+    from mpc_cover.planning.task import Candidate
 
 _QPS = 2
 """QPs a step at the most: the rest of the budget is for what goes wrong."""
@@ -71,56 +77,62 @@ class RecedingHorizon:
     Attributes
     ----------
     coverage : what was measured, and what is owed.
-    at_a_loss : whether a fleet at rest needs a thorough plan (`prepare`): the last step found no way on.
+    wants_thought : whether the fleet should rest for a thorough plan (`prepare`): steps are too short, or find none.
     """
 
     def __init__(self, mission: Mission, *, backend: str = "piqp", seed: int = 0) -> None:
-        self._given = mission
-        self._tight = tightened(mission)
-        self._lost = np.zeros(mission.fleet.size, dtype=bool)
-        self._share = np.ones(mission.fleet.size)
-        self._mission = replace(mission, fleet=self._tight)
+        self._footing = Footing(mission)
+        self._mission = self._footing.mission
         self._period = mission.spec.control.period_s
         self._engine = Engine(backend)
         self.seed = seed
         self.coverage = make_map(mission)
         self._orders = Orders(self.coverage, mission.field)
-        self.at_a_loss = False
         self._grounded = np.full_like(mission.fleet.start, np.inf), np.inf
         self._whole: Plan | None = None
+        self._former: Plan | None = None
+        self.wants_thought = False
+        self._reunites = False
         self._published: Plan | None = None
+
+    @property
+    def unreachable(self) -> BoolArray:
+        """(J, K): what is owed, but cannot be measured by any of those who are left."""
+        return self.coverage.owed & ~self._footing.measurable
 
     def prepare(
         self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
     ) -> StepResult:
         """Plan the whole mission from (m, d) `position` [m], thoroughly, and return its first stretch.
 
-        For a fleet at rest; `deadline` is on `time.perf_counter`, None for none.
+        For a fleet at rest; `deadline` is on `time.perf_counter`. Without one the mission's planning time bounds the
+        work instead of the time, and the plan is the same every time.
         """
         begun = time.perf_counter()
-        start = Start(position, velocity, start_time)
-        if self.coverage.complete:
+        start = self._begin(position, velocity, start_time)
+        if self._nothing_left:
             return self._result(begun, deadline, *self._stop(start))
-        candidate = self._engine.whole(self._task(start), deadline)
-        self._whole = candidate.plan if candidate.feasible else None
-        return self._result(begun, deadline, *self._next(start, candidate.kind))
+        self.wants_thought = False
+        planning_s = self._mission.spec.control.planning_time_s
+        reason = self._replan(start, deadline, partial(self._engine.whole, effort_s=planning_s))
+        return self._result(begun, deadline, *self._next(start, reason))
 
     def step(
         self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
     ) -> StepResult:
         """Return the plan from the predicted (m, d) state at `start_time` on; never raises for numerical trouble."""
         begun = time.perf_counter()
-        start = Start(position, velocity, start_time)
-        if self.coverage.complete:
+        start = self._begin(position, velocity, start_time)
+        if self._nothing_left or self.wants_thought:
             return self._result(begun, deadline, *self._stop(start))
-        whole, reason = self._rest_of_whole(start), "replanned"
-        if whole is None or self._runs_out(whole, start):
-            candidate = self._engine.quick(self._task(start), deadline)
-            worse = not candidate.feasible or (whole is not None and candidate.kind == "rest")
-            self._whole = whole if worse else candidate.plan
+        known, self._whole = self._whole, self._rest_of_whole(start)
+        if self._whole is None and known is not None and not self._reunites and start.time < known.end_time:
+            self._former = known
+        if self._whole is None or self._reunites or self._runs_out(self._whole, start):
+            reason = self._replan(start, deadline, self._engine.quick)
             self._notice_loss(start, deadline)
         else:
-            self._whole, reason = self._improved(whole, start, deadline)
+            self._whole, reason = self._improved(self._whole, start, deadline)
         return self._result(begun, deadline, *self._next(start, reason))
 
     def set_lost(self, lost: BoolArray) -> None:
@@ -128,25 +140,65 @@ class RecedingHorizon:
 
         They stand still where the next step says they are, as obstacles. What only they could measure stays owed.
         """
-        if not np.array_equal(lost, self._lost):
-            self._lost = np.array(lost, dtype=bool)
-            self._change_fleet()
+        if self._footing.set_lost(lost):
+            self._start_over()
+
+    def set_courses(self, courses: Mapping[int, Course]) -> None:
+        """Keep clear of the lost while they still move, by number; without one they are where they come to rest."""
+        self._footing.courses = courses
 
     def limit_speed(self, index: int, share: float) -> None:
         """Plan for an agent that reaches only this share of its speed."""
-        if self._share[index] != share:
-            self._share[index] = share
-            self._change_fleet()
+        if self._footing.limit_speed(index, share):
+            self._start_over()
 
-    def _change_fleet(self) -> None:
-        fleet = without(slowed(self._tight, self._share), self._lost)
-        self._mission = replace(self._given, fleet=fleet)
-        self._whole = None
+    def _start_over(self) -> None:
+        self._mission = self._footing.mission
+        self._former, self._whole = self._whole or self._former, None
+
+    def _begin(self, position: FloatArray, velocity: FloatArray, start_time: float) -> Start:
+        start = Start(position, velocity, start_time)
+        self._footing.take(start, self._published)
+        self._mission = self._footing.mission
+        return start
+
+    @property
+    def _nothing_left(self) -> bool:
+        return not (self.coverage.owed & self._footing.measurable).any()
+
+    def _replan(self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]) -> str:
+        """Plan what is owed from here, and say how; those who are out of range of each other meet before that."""
+        footing = self._footing
+        apart_now = apart(start.position, footing.fleet)
+        if not apart_now and (best := self._best_found(start, deadline, search)) is not None:
+            idle = best.kind == "rest" and best.cost > 0.0
+            if idle and self._whole is not None and not self._reunites:
+                return "no way on was found yet"
+            self.wants_thought = idle and deadline is not None and self._former is not None
+            self._whole, self._reunites, self._former = best.plan, False, None
+            return best.kind
+        if self._whole is None and (apart_now or footing.torn):
+            plans = reunions(start, footing.fleet, self._period)
+            self._whole = next((plan for plan in plans if footing.keeps(plan, start)), None)
+            self._reunites = self._whole is not None
+        return "meets again" if self._reunites else "nothing better was found"
+
+    def _best_found(
+        self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]
+    ) -> Candidate | None:
+        """Return the better of what is left of the former plan and of a search, for which a step may be too short."""
+        task, sound = self._task(start), []
+        if self._former is not None:
+            sound.append(as_before(task, self._former))
+        if deadline is None or not sound or not sound[0].complete:
+            sound.append(search(task, deadline))
+        sound = [one for one in sound if one.feasible and self._footing.keeps(one.plan, start)]
+        return min(sound, key=lambda candidate: candidate.rank, default=None)
 
     def _task(self, start: Start) -> Task:
         (weight, looks), cell = self._orders.next(start), self._mission.field.cell
         state = (start.position, start.velocity, start.time)
-        return Task(self._mission.fleet, cell, weight, *state, self._period, looks=looks)
+        return Task(self._mission.fleet, cell, weight * self._footing.measurable, *state, self._period, looks=looks)
 
     def _notice_loss(self, start: Start, deadline: float | None) -> None:
         """See whether a fleet at rest finds no way on in time; at one place again only if less is owed than before."""
@@ -158,8 +210,8 @@ class RecedingHorizon:
         left = stays and not start.velocity.any() and bool((self._left_by(seen, start)[0] > 0.0).any())
         owed = float(self.coverage.residual.sum())
         place, before = self._grounded
-        self.at_a_loss = left and (owed < before or not _near(place, here))
-        if self.at_a_loss:
+        if left and (owed < before or not _near(place, here)):
+            self.wants_thought = True
             self._grounded = here, owed
 
     def _runs_out(self, whole: Plan, start: Start) -> bool:
@@ -180,7 +232,7 @@ class RecedingHorizon:
         if not 0 <= done < whole.steps:
             return None
         rest = start.plan(whole.velocity[done + 1 :], self._period)
-        return rest if self._verified(rest, start) else None
+        return rest if self._footing.keeps(rest, start) else None
 
     def _improved(self, whole: Plan, start: Start, deadline: float | None) -> tuple[Plan, str]:
         """Re-solve the stretch within the horizon, a sample shorter if all that was to be covered still is."""
@@ -197,49 +249,35 @@ class RecedingHorizon:
         better = found.cost == 0.0 if sooner else found.cost < now.cost
         if found.feasible and better:
             plan = spliced(whole, window.motion(found.x)[1], stretch)
-            if self._verified(plan, start):
+            if self._footing.keeps(plan, start) and self._footing.keeps_if_missed(plan, whole):
                 return plan, "a sample sooner" if sooner else "more coverage"
         return whole, "no sample sooner" if sooner else "no better"
 
     def _left_by(self, later: FloatArray, start: Start) -> tuple[FloatArray, IntArray | None]:
         """Return weights and looks (J, K) of what is asked for and not brought by later positions of the plan."""
-        return self._orders.left(start, later, self._mission.fleet.radius)
+        weight, looks = self._orders.left(start, later, self._mission.fleet.radius)
+        return weight * self._footing.measurable, looks
 
     def _next(self, start: Start, reason: str) -> tuple[Plan, Rung, str]:
         """Cut the horizon out of the mission plan, end it at rest, verify it; else go down the ladder."""
         if self._whole is not None:
             for plan in ended_at_rest(self._whole, self._mission):
-                if self._verified(plan, start):
+                if self._footing.keeps(plan, start):
                     return plan, Rung.NEW, reason
         reason = "no new plan passed the verifier"
         if self._published is not None:
             shifted = shifted_plan(self._published, start.position, start.velocity, start.time)
-            if self._verified(shifted, start):
+            if self._footing.keeps(shifted, start):
                 return shifted, Rung.SHIFTED, reason
-        return self._brake(start), Rung.BRAKE, reason
+        return self._footing.brake(start), Rung.BRAKE, reason
 
     def _stop(self, start: Start) -> tuple[Plan, Rung, str]:
         """Come to rest: at once if that is safe, else along the plan that was verified."""
-        stop, reason = self._brake(start), "all is covered"
-        if self._verified(stop, start) or self._published is None:
+        stop, reason = self._footing.brake(start), "all is covered" if self._nothing_left else "stops to think"
+        if self._footing.keeps(stop, start) or self._published is None:
             return stop, Rung.REST, reason
         shifted = shifted_plan(self._published, start.position, start.velocity, start.time)
-        return (shifted, Rung.SHIFTED, reason) if self._verified(shifted, start) else (stop, Rung.BRAKE, reason)
-
-    def _brake(self, start: Start) -> Plan:
-        steps = self._mission.spec.control.horizon_steps
-        return brake_plan(start.position, start.velocity, self._mission.fleet, start.time, self._period, steps)
-
-    def _verified(self, plan: Plan, start: Start) -> bool:
-        return verify_motion(
-            self._mission.fleet,
-            plan.time(),
-            plan.position,
-            plan.velocity,
-            plan.input,
-            at_rest=True,
-            start=(start.position, start.velocity),
-        ).holds
+        return (shifted, Rung.SHIFTED, reason) if self._footing.keeps(shifted, start) else (stop, Rung.BRAKE, reason)
 
     def _result(self, begun: float, deadline: float | None, plan: Plan, rung: Rung, reason: str) -> StepResult:
         self._published = plan

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from mpc_cover.errors import UserError
 from mpc_cover.planning.continuation import judge, refine
+from mpc_cover.planning.deadline import Effort, Meter
+from mpc_cover.planning.metered import metered
 from mpc_cover.planning.planner import Search, plan_for
 from mpc_cover.planning.whole import plan_shortest, plan_whole
 from solvers.backends.registry import UnknownBackendError, make_backend
@@ -32,13 +34,16 @@ class Engine:
     """
 
     def __init__(self, backend: str) -> None:
+        self._meter = Meter()
         try:
-            self._backend = make_backend(backend)
+            self._backend = metered(make_backend(backend), self._meter)
         except UnknownBackendError as error:
             raise UserError(str(error)) from None
 
-    def whole(self, task: Task, deadline: float | None) -> Candidate:
-        """Plan everything that is owed, thoroughly."""
+    def whole(self, task: Task, deadline: float | None, effort_s: float | None = None) -> Candidate:
+        """Plan everything that is owed, thoroughly; without a deadline with so much effort [s] at the most."""
+        if deadline is None and effort_s is not None:
+            deadline = Effort(self._meter, self._meter.spent_s + effort_s)
         return plan_whole(task, self._backend, deadline=deadline)
 
     def quick(self, task: Task, deadline: float | None) -> Candidate:

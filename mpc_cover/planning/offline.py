@@ -10,7 +10,8 @@ import numpy as np
 
 from mpc_cover import __version__
 from mpc_cover.errors import UserError
-from mpc_cover.model.sensing import covered_at
+from mpc_cover.information.build import make_map
+from mpc_cover.information.replay import measured_at
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.planner import Search
 from mpc_cover.planning.task import Task
@@ -84,12 +85,13 @@ def plan_mission(
 
 def offline_task(mission: Mission) -> Task:
     """Return the task of covering a mission from scratch."""
-    fleet, planning, looks = mission.fleet, mission.spec.planning, mission.spec.area.looks
+    fleet, planning = mission.fleet, mission.spec.planning
+    owed = make_map(mission).demand(0.0, np.full_like(fleet.start, np.nan))  # nothing is in range before the start
     goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if planning.end == "fixed" else None
     return Task(
         fleet,
         mission.field.cell,
-        np.tile(mission.field.weight, (fleet.radius.shape[1], 1)),
+        owed.gamma * mission.field.weight,
         fleet.start,
         np.zeros_like(fleet.start),
         0.0,
@@ -97,7 +99,7 @@ def offline_task(mission: Mission) -> Task:
         start_free=planning.start == "free",
         end=planning.end,
         goal=goal,
-        looks=None if looks == 1 else np.full((fleet.radius.shape[1], mission.field.size), looks),
+        looks=owed.looks,
     )
 
 
@@ -120,9 +122,7 @@ def _trajectory(mission: Mission, options: PlanOptions, found: Candidate) -> Tra
         velocity=plan.velocity,
         input=plan.input,
         cell=mission.field.cell,
-        covered_at=covered_at(
-            plan.time(), plan.position, mission.field.cell, mission.fleet.radius, mission.spec.area.looks, plan.period
-        ),
+        covered_at=measured_at(mission, plan.time(), plan.position),
         agent_id=mission.fleet.ids,
         mission=mission,
         meta={

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +28,8 @@ _SCREENED = 6
 """So many guesses must have been compared before only the best kinds go on."""
 _SYSTEMATIC = 19
 """Guesses that are flown as they are; the tour is the last of them."""
+_FLYING = 0.3
+"""Part of the time that flying guesses may take."""
 _KEPT = 3
 """Kinds of guesses that are tried again at other lengths."""
 _FINALISTS = 3
@@ -53,7 +56,7 @@ def plan_whole(
     `deadline` is on `time.perf_counter`.
     """
     search = search or Search()
-    flights = _flights(task, search)
+    flights = _flights(task, search, deadline)
     found = [as_flown(task, guess, motion) for guess, motion in flights]
     still = rest_guess(task.position)
     found.append(as_flown(task, still, task.flown(still, task.least_steps)))
@@ -150,11 +153,15 @@ def plan_shortest(
     return best
 
 
-def _flights(task: Task, search: Search) -> list[tuple[Guess, Motion]]:
-    """Fly every systematic guess to its end: what they take is a measure of the work."""
-    flights = []
-    for guess in starts(task, search):
-        if "random" in guess.kind:
+def _flights(task: Task, search: Search, deadline: float | None) -> list[tuple[Guess, Motion]]:
+    """Fly systematic guesses to their ends: what they take is a measure of the work.
+
+    All of them where there is time, else twice as many as are to be told apart; one at the least.
+    """
+    flights: list[tuple[Guess, Motion]] = []
+    most, enough = (_SYSTEMATIC if search.starts > _SCREENED else 2 * search.starts), part_of(deadline, _FLYING)
+    for guess in islice(starts(task, search), most):
+        if "random" in guess.kind or (flights and late(enough)):
             break
         flights.append((guess, task.flown(guess, None)))
     return flights

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from enum import Enum
 
     from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.control.courses import Course
     from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
@@ -70,10 +72,32 @@ class SharesWork(Protocol):
 
 
 @runtime_checkable
-class MayBeAtALoss(Protocol):
-    """A brain that may find no way on in the time that there is in flight."""
+class MindsCourses(Protocol):
+    """A brain that keeps clear of the lost while they still move."""
 
-    at_a_loss: bool
+    def set_courses(self, courses: Mapping[int, Course]) -> None:
+        """Take note of how those who are lost come to rest, by number; whoever is not in it rests already."""
+        ...
+
+
+@runtime_checkable
+class KnowsReach(Protocol):
+    """A brain that knows what nobody can measure any more."""
+
+    @property
+    def unreachable(self) -> BoolArray:
+        """(J, K): what is owed, but cannot be measured by any of those who are left."""
+        ...
+
+
+@runtime_checkable
+class WantsThought(Protocol):
+    """A brain that knows when a step is too short for what it has to plan."""
+
+    @property
+    def wants_thought(self) -> bool:
+        """Whether it is worth while to stop and plan thoroughly."""
+        ...
 
 
 @runtime_checkable

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from mpc_cover.service.brain import MayBeAtALoss
+from mpc_cover.service.brain import KnowsReach, WantsThought
 from mpc_cover.service.commands import CommandDesk
 from mpc_cover.service.crew import Crew
 from mpc_cover.service.dispatch import Dispatch, UnknownPlanError
@@ -176,7 +176,7 @@ class Controller:
             self.heartbeat.text = missing or "paused"
             return
         self._timeline.pause()
-        if self.brain.coverage.complete:
+        if self._nothing_left:
             self._complete()
         else:
             self._enter(Phase.PLANNING, "plans thoroughly while everyone is at rest")
@@ -214,14 +214,22 @@ class Controller:
             return
         if self._helm.failures >= MAX_FAILURES:
             self._regroup(f"{self._helm.failures} steps failed")
-        elif isinstance(self.brain, MayBeAtALoss) and self.brain.at_a_loss:
-            self._regroup("no way on was found in flight")
+        elif isinstance(self.brain, WantsThought) and self.brain.wants_thought and self._helm.sent:
+            self._regroup("a step is too short to plan anew")
+
+    @property
+    def _nothing_left(self) -> bool:
+        """Whether all that can be measured has been: everything, unless only the lost could have measured the rest."""
+        coverage, brain = self.brain.coverage, self.brain
+        if coverage.complete:
+            return True
+        return isinstance(brain, KnowsReach) and not (coverage.owed & ~brain.unreachable).any()
 
     def _over(self) -> bool:
         """Return whether there is nothing to send: all covered and at rest, or out of time."""
         now, limit = self._clock.now(), self._control.time_limit_s
         horizon = self._control.horizon_steps * self._control.period_s
-        if not self.brain.coverage.complete:
+        if not self._nothing_left:
             if self._timeline.now() <= limit:
                 return False
             if self.brain.coverage.endless:
@@ -238,8 +246,13 @@ class Controller:
         return now > self._complete_s + horizon  # whoever still hovers finishes its plan now
 
     def _complete(self) -> None:
-        lost = self.crew.lost
-        rest = f", and everyone but {', '.join(lost)}" if lost else " and everyone"
+        lost = ", ".join(self.crew.lost)
+        if not self.brain.coverage.complete:
+            owed = self.mission.field.size - self.brain.coverage.covered_count
+            text = f"{owed} cells are not covered, and cannot be without {lost}: all else is, and everyone is at rest"
+            self._enter(Phase.FAILED, text)
+            return
+        rest = f", and everyone but {lost}" if lost else " and everyone"
         self._enter(Phase.COMPLETE, f"everything is covered{rest} is at rest")
         self.done = not self._stay
 

@@ -6,9 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.service.brain import LimitsSpeed, SharesWork
+from mpc_cover.control.courses import Course
+from mpc_cover.service.brain import LimitsSpeed, MindsCourses, SharesWork
 from mpc_cover.service.dispatch import UnknownPlanError
+from mpc_cover.service.flight import SNAP_S
 from mpc_cover.service.pace import Pace
+from mpc_cover.service.recording import motion_of
 from mpc_cover.service.roll_call import SILENT_PART, Fate, RollCall
 from mpc_cover.service.whereabouts import Whereabouts, resting
 
@@ -120,6 +123,14 @@ class Crew:
         self._note_strays()
         return _stacked([self._ahead(index, time_s) for index in range(len(self._ids))])
 
+    def warn(self, time_s: float, origin_s: float) -> None:
+        """Tell the brain of the lost who still move at `time_s` of the controller's clock; mission time 0 is then."""
+        if isinstance(self._brain, MindsCourses):
+            courses = {index: self._course_of(index, origin_s) for index in self._roll.lost}
+            self._brain.set_courses(
+                {index: course for index, course in courses.items() if course and course.time[-1] > time_s - origin_s}
+            )
+
     def settled(self, now_s: float) -> bool:
         """Return whether everyone who is not lost was heard just now and does not move any more."""
         late = set(self.fleet.late(now_s))
@@ -150,7 +161,22 @@ class Crew:
                 return resting(self._where.ahead(index, link, end_s, self._pace.speed_max(index, link))[0])
             except UnknownPlanError:
                 return resting(link.measured()[0])
-        return resting(self._where.braked(index, link, end_s)[0])
+        return resting(self._where.braked(index, link, end_s, self.fleet.token_went_s(link))[0])
+
+    def _course_of(self, index: int, origin_s: float) -> Course | None:
+        """Return how someone lost comes to rest, in mission time; None when that is not known."""
+        link = self.fleet.links[index]
+        if link.state is None:
+            return None
+        died_s = self.fleet.token_went_s(link) if self._roll.lost[index] is Fate.BRAKES else None
+        end_s = link.measured_s() + FAR_HORIZONS * self._horizon_s
+        try:
+            motion = motion_of(self._where.course(index, link, end_s, died_s).pieces)
+        except UnknownPlanError:
+            return None
+        rows = int(np.searchsorted(motion.time, motion.rests_from() + SNAP_S))
+        shift = link.offset - origin_s
+        return Course(motion.time[:rows] + shift, motion.position[:rows], motion.velocity[:rows], motion.input[:rows])
 
     def _who_is_missed(self, now_s: float) -> str:
         if self.fleet.reborn:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from mpc_cover import __version__
@@ -22,6 +22,8 @@ from mpc_cover.service.step_log import read_steps
 from mpc_cover.service.transport import open_transport
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.console import Console
 
     from mpc_cover.mission.load import Mission
@@ -34,11 +36,12 @@ PORT_ATTEMPTS = 5
 
 @dataclass(frozen=True)
 class DemoOptions:
-    """How to fly: see `mpc-cover demo --help`."""
+    """How to fly: see `mpc-cover demo --help`; `deaths` is at which mission time [s] agents are killed, by id."""
 
     backend: str = "piqp"
     seed: int = 0
     speed: float = 1.0
+    deaths: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +71,7 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
             observer = Observer(mission, transport, clock)
             try:
                 with Progress(console) as progress:
-                    outcome = Watch(fleet, observer, signals, progress).until_over()
+                    outcome = Watch(fleet, observer, signals, progress, options.deaths).until_over()
             finally:
                 died = [agent.name for agent in fleet.dead_agents()]
                 fleet.end()
@@ -83,7 +86,7 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
         and summary.covered_cells == summary.cells
     )
     status = INTERRUPTED if signals.received else 0 if complete else 1
-    return DemoResult(status, outcome, summary, fleet.restarts)
+    return DemoResult(status, outcome, summary, fleet.restarts, tuple(died))
 
 
 def _open(clock: MonotonicClock, signals: Signals) -> tuple[str, ZenohTransport]:

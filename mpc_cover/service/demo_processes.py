@@ -32,6 +32,7 @@ class Processes:
         for name in self._ids:
             arguments = ["agent", str(self._folder.mission_file), "--id", name, *self._common()]
             arguments += ["--connect", self._controller_at, "--record", str(self._folder.record(name))]
+            arguments += ["--seed", str(self._options.seed)]
             self.agents.append(Child(name, arguments, self._folder.log(name)))
 
     def start_controller(self) -> None:

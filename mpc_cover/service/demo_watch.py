@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import TYPE_CHECKING
 
 from mpc_cover.service.messages import Phase
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from mpc_cover.service.daemon import Signals
     from mpc_cover.service.demo_processes import Processes
@@ -27,7 +28,10 @@ COMPLETE = "everything is covered"
 
 
 class Watch:
-    """Looks until the mission is over, one way or another; `monotonic` is the machine's clock."""
+    """Looks until the mission is over, one way or another.
+
+    `deaths` is at which mission time [s] agents are to be killed, by id; `monotonic` is the machine's clock.
+    """
 
     def __init__(
         self,
@@ -35,8 +39,10 @@ class Watch:
         observer: Observer,
         signals: Signals,
         progress: Progress,
+        deaths: Mapping[str, float] | None = None,
         monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._deaths = dict(deaths or {})
         self._processes, self._observer = processes, observer
         self._signals, self._progress, self._monotonic = signals, progress, monotonic
         self._bereaved = False
@@ -55,9 +61,17 @@ class Watch:
                 self._progress.say(event)
             if self._observer.status is not None:
                 self._progress.show(self._observer.status)
+                self._kill_at(self._observer.status.mission_time_s)
             if (outcome := self._outcome()) is not None:
                 return outcome
         return "interrupted"
+
+    def _kill_at(self, mission_time_s: float) -> None:
+        """Kill whose time has come, by the newest status."""
+        for agent in self._processes.agents:
+            if mission_time_s >= self._deaths.get(agent.name, math.inf):
+                del self._deaths[agent.name]
+                agent.kill()
 
     def _children(self) -> list[Child]:
         controller = self._processes.controller

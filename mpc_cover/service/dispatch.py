@@ -60,10 +60,9 @@ class Dispatch:
             self._publishers[index].publish(encode(message))
         self._seq += 1
 
-    def forget(self, index: int | None = None) -> None:
-        """Start afresh: everyone is at rest, or agent number `index` is."""
-        for sent in self._sent if index is None else [self._sent[index]]:
-            sent.clear()
+    def forget(self, index: int) -> None:
+        """Start afresh with agent number `index`: it is at rest, or another one."""
+        self._sent[index].clear()
 
     def schedule(self, index: int, link: AgentLink) -> Schedule:
         """Return what an agent flies and will fly, by its own report.

@@ -37,7 +37,7 @@ class Budget:
 
 
 class Helm:
-    """One mission's brain, with its budget of time.
+    """One mission's brain, with its budget of time; `sent` says whether the last step sent a plan.
 
     Parameters
     ----------
@@ -59,6 +59,7 @@ class Helm:
         tell: Callable[[str, str], None],
     ) -> None:
         self.failures = 0
+        self.sent = False
         self._brain, self._dispatch, self._tell = brain, dispatch, tell
         self._timeline, self._clock, self._steps = timeline, clock, steps
         self._control, self._speed, self._deadlines = budget.control, budget.speed, budget.deadlines
@@ -75,7 +76,6 @@ class Helm:
         crew.fleet.freeze_clocks()
         self._timeline.start(self._clock.now() + self._control.period_s)
         self.failures = 0
-        self._dispatch.forget()
         self._send(result, crew, "prepare")
 
     def step(self, crew: Crew) -> None:
@@ -86,6 +86,7 @@ class Helm:
         UnknownPlanError
             Someone flies a plan that this controller did not send.
         """
+        self.sent = False
         now, tick = self._clock.now(), self._timeline.tick
         budget = self._control.deadline_fraction * self._control.period_s
         left = self._timeline.grid(tick) + budget - now
@@ -94,6 +95,7 @@ class Helm:
             return
         self._begun = time.perf_counter()
         position, velocity = crew.ahead(self._timeline.grid(tick + 1))
+        crew.warn(self._timeline.grid(tick + 1), self._timeline.origin_s)
         deadline = self._begun + left / self._speed if self._deadlines else None
         start = self._timeline.planned_start(tick + 1)
         try:
@@ -103,11 +105,23 @@ class Helm:
             self._tell("step-failed", f"a step failed: {error!r}; the previous plan goes on")
             return
         self.failures = 0
-        self._send(result, crew, "step")
+        late = self._late(tick)
+        self._send(result, crew, "step", late=late)
+        self.sent = not late
 
-    def _send(self, result: StepOutcome, crew: Crew, kind: str) -> None:
+    def _late(self, tick: int) -> bool:
+        """Return whether agents, who look at their mail once a state period, would find a plan after its start.
+
+        They would refuse it, being elsewhere by then, and all that was planned in the belief that they fly it.
+        """
+        return self._deadlines and self._clock.now() + self._control.state_period_s > self._timeline.grid(tick + 1)
+
+    def _send(self, result: StepOutcome, crew: Crew, kind: str, *, late: bool = False) -> None:
         origin_s, now = self._timeline.origin_s, self._clock.now()
-        self._dispatch.send(result.plan, crew.fleet.links, origin_s, now, without=crew.lost_indices)
+        if late:
+            self._tell("late", "a step took too long: its plan is not sent, the previous one goes on")
+        else:
+            self._dispatch.send(result.plan, crew.fleet.links, origin_s, now, without=crew.lost_indices)
         self._steps.add(
             Step(
                 kind,
@@ -116,6 +130,6 @@ class Helm:
                 time.perf_counter() - self._begun,
                 result.rung.name,
                 result.reason,
-                result.deadline_missed,
+                result.deadline_missed or late,
             )
         )

@@ -56,6 +56,10 @@ class Child:
         """None while it runs; negative when a signal ended it."""
         return self._process.poll()
 
+    def kill(self) -> None:
+        """End it at once, as by `kill -9`."""
+        self._process.kill()
+
     def ask_to_end(self) -> None:
         """Send SIGTERM, and let go of the pipe."""
         if self.exit_status is None:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from mpc_cover.service.fleet_view import AgentLink, FleetView
 
 DEAD_STATES = 3.0
-"""An agent without a liveliness token is lost when it was silent for so many state periods, or for a period."""
+"""An agent whose token is gone, but who was heard since, is lost after so many silent state periods, or a period."""
 BROKEN_LINE_S = 0.5
 """A token that went after a longer silence [s of the machine's clock], or 1.5 state periods, went with the lease."""
 SILENT_PART = 0.5
@@ -49,7 +49,7 @@ class RollCall:
                 continue
             if link.id in self._fleet.reborn:
                 fates[index] = Fate.BRAKES  # the one that was there before has died
-            elif link.id not in present and silent > self._dead_s:
+            elif link.id not in present and (silent > self._dead_s or self._silent_since(link)):
                 before_s = link.silent_s(self._fleet.token_went_s(link))
                 fates[index] = Fate.BRAKES if before_s <= self._broken_s else Fate.FLIES_ON
             elif silent > self._silent_s:
@@ -73,6 +73,10 @@ class RollCall:
     def ids(self) -> list[str]:
         """Return the names of the lost."""
         return [link.id for index, link in enumerate(self._fleet.links) if index in self.lost]
+
+    def _silent_since(self, link: AgentLink) -> bool:
+        """Return whether nothing was heard since an agent's token went: with a process, both end at once."""
+        return link.measured_s() + link.delay_s <= self._fleet.token_went_s(link)
 
     def _flies(self, link: AgentLink, now_s: float) -> bool:
         heard = link.silent_s(now_s) <= self._dead_s

@@ -13,6 +13,7 @@ from mpc_cover.clock import VirtualClock
 from mpc_cover.service.agent import Agent
 from mpc_cover.service.brain import make_brain
 from mpc_cover.service.controller import Controller
+from mpc_cover.service.kills import check_deaths
 from mpc_cover.service.local import LocalBus
 from mpc_cover.service.recorder import MemoryRecorder
 from mpc_cover.service.recording import merge
@@ -30,13 +31,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """What was flown, how long each step took, what was said, whether everything was covered, and who was lost."""
+    """What was flown, how long each step took, what was said, whether everything was covered, and who was lost.
+
+    `outcome` says in words how it ended.
+    """
 
     trajectory: Trajectory
     steps: list[Step]
     events: list[str]
     complete: bool
     lost: tuple[str, ...] = ()
+    outcome: str = ""
 
 
 def simulate(
@@ -56,9 +61,10 @@ def simulate(
     seed : of the brain, and of what disturbs the agents.
     brain : another controller than the receding horizon.
     channel : see `LocalBus`.
-    deaths : at which mission time [s] agents die, as if their processes were killed, by id.
+    deaths : at which mission time [s] agents die, as if their processes were killed, by id; somebody must be left.
     on_tick : told the controller's status after each of its ticks.
     """
+    check_deaths(deaths or {}, mission)
     clock, events = VirtualClock(), list[str]()
     bus = LocalBus(clock, channel)
     lives = [_Life(mission, name, bus, clock, seed, events.append) for name in mission.fleet.ids]
@@ -69,7 +75,8 @@ def simulate(
     died = [life.agent.id for life in lives if life.dead]
     trajectory = merge(mission, [life.recorder.pieces for life in lives], meta, died)
     complete = controller.exit_status == 0
-    return Simulation(trajectory, list(controller.steps.steps), events, complete, tuple(controller.crew.lost))
+    lost, outcome = tuple(controller.crew.lost), controller.heartbeat.text
+    return Simulation(trajectory, list(controller.steps.steps), events, complete, lost, outcome)
 
 
 class _Life:

@@ -9,7 +9,9 @@ import numpy as np
 from mpc_cover.model.disturbance import disturbs_motion, still_air
 from mpc_cover.model.tube import tracking_of
 from mpc_cover.service.body import TrackingBody
+from mpc_cover.service.dispatch import UnknownPlanError
 from mpc_cover.service.flight import START_TOLERANCE, Plant, Reference, Schedule, predict
+from mpc_cover.service.recorder import MemoryRecorder
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -30,6 +32,7 @@ class Whereabouts:
         fleet = mission.fleet
         self._mission, self._dispatch = mission, dispatch
         self._input_max, self._speed_max = fleet.input_max, fleet.speed_max
+        self._state_period_s = mission.spec.control.state_period_s
         self._tracking = tracking_of(mission) if disturbs_motion(mission.spec.disturbance) else None
 
     def strays(self, link: AgentLink) -> bool:
@@ -65,11 +68,48 @@ class Whereabouts:
         body.advance(at_s, schedule)
         return body.truth
 
-    def braked(self, index: int, link: AgentLink, time_s: float) -> MotionState:
-        """Return where agent number `index` is when it has braked hardest ever since its newest state."""
-        assert link.state is not None
-        plant = Plant(link.state.time_s, *link.measured())
+    def braked(self, index: int, link: AgentLink, time_s: float, died_s: float) -> MotionState:
+        """Return where agent number `index` is at `time_s` when it has braked hardest ever since it died."""
+        plant = self._at_death(index, link, died_s)
         return predict(plant, Schedule(float(self._input_max[index])), time_s - link.offset)
+
+    def course(self, index: int, link: AgentLink, end_s: float, died_s: float | None) -> MemoryRecorder:
+        """Return the motion of agent number `index` up to `end_s`, as its own clock has it.
+
+        From its death on as hard as it can brake, or without one along its plans.
+
+        Raises
+        ------
+        UnknownPlanError
+            See `ahead`.
+        """
+        assert link.state is not None
+        record = MemoryRecorder()
+        if died_s is None:
+            plant, schedule = Plant(link.state.time_s, *link.planned()), self._dispatch.schedule(index, link)
+        else:
+            plant, schedule = self._at_death(index, link, died_s), Schedule(float(self._input_max[index]))
+        plant.log = record.piece
+        plant.advance(end_s - link.offset, schedule)
+        record.mark(plant.time_s, plant.position, plant.velocity)
+        return record
+
+    def _at_death(self, index: int, link: AgentLink, died_s: float) -> Plant:
+        """Return an agent as it was when it last moved by its plans.
+
+        That is its newest report; but with delays, those that it had still to send died with it: it flew on until the
+        last state period before its death.
+        """
+        assert link.state is not None
+        newest = Plant(link.state.time_s, *link.measured())
+        last_s = np.floor((died_s - link.offset) / self._state_period_s) * self._state_period_s
+        if link.delay_s == 0.0 or not last_s > newest.time_s:
+            return newest
+        try:
+            position, velocity = self.ahead(index, link, last_s + link.offset, np.inf)
+        except UnknownPlanError:
+            return newest
+        return Plant(last_s, position, velocity)
 
     def settled(self, index: int, link: AgentLink) -> bool:
         """Return whether an agent does not move, nor will by any plan that was sent.

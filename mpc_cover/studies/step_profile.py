@@ -30,7 +30,7 @@ PLACES = {
     "QP set-up": ("solvers.backends.base:Backend.load",),
     "QP solve": ("solvers.backends.base:Backend.warm_start", "solvers.backends.base:Backend.solve"),
     "measuring": ("planning.problem:CoverageProblem.measure", "planning.continuation:coverage_cost"),
-    "verification": ("control.receding_horizon:verify_motion",),
+    "verification": ("control.easing:verify_motion", "control.easing:Bounds.keeps_mixed"),
     "splicing": (
         "control.receding_horizon:spliced",
         "control.receding_horizon:RecedingHorizon._next",

@@ -1,14 +1,21 @@
-"""Verifying a motion during which agents are lost: from then on the others must stay connected without them."""
+"""Verifying a motion during which agents are lost: from then on the others must stay connected without them.
+
+The loss of a relay may leave the others out of range of each other. Nobody can undo that, but they must notice,
+come no farther apart, and meet again: how long they were apart is said, whether they did so is checked.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpc_cover.verification.motion import verify_motion
+from mpc_cover.verification.connectivity import bottlenecks
+from mpc_cover.verification.ends import check_links
+from mpc_cover.verification.motion import check_connectivity, taking_part, verify_motion
+from mpc_cover.verification.path import Path
 from mpc_cover.verification.report import Check, Report
 
 if TYPE_CHECKING:
@@ -17,6 +24,36 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.trajectory import Trajectory
+
+REACTION_PERIODS = 2.0
+"""Within so many control periods a loss is known and everyone flies a plan without the lost."""
+_SAME_TIME = 1e-6
+
+
+@dataclass(frozen=True)
+class Separation:
+    """A time during which those who were left were out of range of each other.
+
+    Attributes
+    ----------
+    begin, end : [s]; `end` is inf when they never met again.
+    largest : the longest edge of their tree [m].
+    loss : when the agent was lost whose loss it is put down to [s]; None when there was no such loss just before.
+    allowed : the longest edge by the time at which the others had noticed and stopped [m].
+    later : the longest edge after that [m].
+    """
+
+    begin: float
+    end: float
+    largest: float
+    loss: float | None = None
+    allowed: float = 0.0
+    later: float = 0.0
+
+    @property
+    def excused(self) -> bool:
+        """Whether a loss was the cause, they came no farther apart than they had to, and met again."""
+        return self.loss is not None and self.later <= self.allowed + _SAME_TIME and np.isfinite(self.end)
 
 
 def losses_of(trajectory: Trajectory) -> dict[int, float]:
@@ -32,39 +69,107 @@ def losses_of(trajectory: Trajectory) -> dict[int, float]:
 def verify_with_losses(
     trajectory: Trajectory, losses: dict[int, float], *, tolerance: float, start: tuple[FloatArray, FloatArray]
 ) -> Report:
-    """Verify stretch by stretch, each with those who are left; the smallest margin of each property is reported.
+    """Verify a flight; connectivity stretch by stretch, each with those who are left.
 
     A lost agent remains an obstacle, and its own motion must still obey dynamics and limits.
     """
-    reports = []
-    for first, last, fleet in _stretches(trajectory, losses):
-        part = slice(first, last + 1)
-        reports.append(
-            verify_motion(
-                fleet,
-                trajectory.time[part],
-                trajectory.position[part],
-                trajectory.velocity[part],
-                trajectory.input[first:last],
-                tolerance=tolerance,
-                start=start if first == 0 else None,
-            )
-        )
-    worst: dict[str, Check] = {}
-    for check in (check for report in reports for check in report.checks):
-        if check.name not in worst or check.margin < worst[check.name].margin:
-            worst[check.name] = check
-    return Report(tuple(worst.values()))
+    fleet = trajectory.mission.fleet
+    alone = replace(fleet, communication_range=np.inf, links=())
+    arrays = (trajectory.time, trajectory.position, trajectory.velocity, trajectory.input)
+    report = verify_motion(alone, *arrays, tolerance=tolerance, start=start)
+    if not report.checks[0].holds:
+        return report
+    checks = list(report.checks)
+    if np.isfinite(fleet.communication_range):
+        checks += _check_connectivity(trajectory, losses, tolerance)
+    linked = [check_links(path, part, tolerance) for path, part in stretches(trajectory, losses) if part.links]
+    if linked:
+        checks.append(min(linked, key=lambda check: check.margin))
+    return Report(tuple(checks))
 
 
-def _stretches(trajectory: Trajectory, losses: dict[int, float]) -> Iterator[tuple[int, int, Fleet]]:
-    """Yield (first sample, last sample, fleet) between losses; whom an interval loses is lost from its start."""
+def stretches(trajectory: Trajectory, losses: dict[int, float]) -> Iterator[tuple[Path, Fleet]]:
+    """Yield the path between losses with the fleet as it is then; whom an interval loses is lost from its start."""
     fleet, end = trajectory.mission.fleet, len(trajectory.time) - 1
-    cuts = {0, end}
-    begins = {i: max(0, int(np.searchsorted(trajectory.time, t, side="right")) - 1) for i, t in losses.items()}
-    cuts |= {min(begin, end) for begin in begins.values()}
-    ordered = sorted(cuts)
-    for first, last in pairwise(ordered):
+    begins = {i: _sample_of(trajectory, loss) for i, loss in losses.items()}
+    cuts = {0, end} | {min(begin, end) for begin in begins.values()}
+    for first, last in pairwise(sorted(cuts)):
         lost = tuple(sorted(i for i, begin in begins.items() if begin <= first))
         links = tuple(link for link in fleet.links if not set(link) & set(lost))
-        yield first, last, replace(fleet, lost=lost, links=links)
+        part = slice(first, last + 1)
+        path = Path(
+            trajectory.time[part], trajectory.position[part], trajectory.velocity[part], trajectory.input[first:last]
+        )
+        yield path, replace(fleet, lost=lost, links=links)
+
+
+def _sample_of(trajectory: Trajectory, loss: float) -> int:
+    """Return the sample at which the interval begins in which someone is lost."""
+    return max(0, int(np.searchsorted(trajectory.time, loss, side="right")) - 1)
+
+
+def separations(trajectory: Trajectory, losses: dict[int, float], tolerance: float) -> list[Separation]:
+    """Return when those who were left were out of range of each other, in the order of time."""
+    time, longest = _longest_edges(trajectory, losses)
+    apart = longest > trajectory.mission.fleet.communication_range + tolerance
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], apart, [False]]).astype(int)))
+    found = []
+    for first, after in zip(edges[::2], edges[1::2], strict=True):
+        met = float(time[after]) if after < apart.size else np.inf
+        found.append(_judged(trajectory, losses, time[first:after], longest[first:after], met))
+    return found
+
+
+def _judged(
+    trajectory: Trajectory, losses: dict[int, float], time: FloatArray, longest: FloatArray, met: float
+) -> Separation:
+    """Put a separation down to the last loss before it, if that may be its cause."""
+    fleet, begin, largest = trajectory.mission.fleet, float(time[0]), float(longest.max())
+    reaction = REACTION_PERIODS * trajectory.mission.spec.control.period_s + float(
+        (fleet.speed_max / fleet.input_max).max()
+    )
+    # a second loss may come while they are still apart: what it adds is its own
+    causes = [loss for loss in losses.values() if begin - reaction <= loss + _SAME_TIME and loss < met]
+    if not any(trajectory.time[_sample_of(trajectory, loss)] <= begin + _SAME_TIME for loss in causes):
+        return Separation(begin, met, largest)
+    loss = max(causes)
+    early = time <= loss + reaction + _SAME_TIME
+    allowed = float(longest[early].max()) if early.any() else 0.0
+    return Separation(begin, met, largest, loss, allowed, float(longest[~early].max(initial=0.0)))
+
+
+def _longest_edges(trajectory: Trajectory, losses: dict[int, float]) -> tuple[FloatArray, FloatArray]:
+    """Return when pieces of the path begin (n,) [s], and the longest edge of the tree within each (n,) [m]."""
+    times, edges = [], []
+    for path, fleet in stretches(trajectory, losses):
+        if len(fleet.active) > 1:
+            time, longest = bottlenecks(taking_part(path, fleet)[0])
+        else:
+            time, longest = path.time[:-1], np.zeros(path.time.size - 1)
+        times.append(time)
+        edges.append(longest)
+    return np.concatenate(times), np.concatenate(edges)
+
+
+def _check_connectivity(trajectory: Trajectory, losses: dict[int, float], tolerance: float) -> list[Check]:
+    """Check that the longest edge is at most rho_C (4.20) but for what losses excuse, and say what that was."""
+    exact = [check_connectivity(path, fleet, tolerance) for path, fleet in stretches(trajectory, losses)]
+    if all(check.holds for check in exact):
+        return [min(exact, key=lambda check: check.margin)]
+    time, longest = _longest_edges(trajectory, losses)
+    reach = trajectory.mission.fleet.communication_range
+    excused = [one for one in separations(trajectory, losses, tolerance) if one.excused]
+    counts = np.ones(time.size, dtype=bool)
+    for one in excused:
+        counts &= (time < one.begin) | (time >= one.end)
+    worst = int(np.argmax(np.where(counts, longest, -np.inf)))
+    margin = reach - float(longest[worst])
+    checks = [Check("connectivity", margin >= -tolerance, margin, "m", f"those left, t = {time[worst]:.3f} s")]
+    for one in excused:
+        where = (
+            f"after the loss at t = {one.loss:.2f} s the others were apart for {one.end - one.begin:.2f} s, "
+            f"by {one.largest:.3f} m, from t = {one.begin:.2f} s to t = {one.end:.2f} s"
+        )
+        slack = one.allowed - max(one.later, reach)
+        checks.append(Check("together again after a loss", holds=True, margin=slack, unit="m", where=where))
+    return checks

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,7 +48,8 @@ def verify_motion(
 
     Parameters
     ----------
-    fleet : limits, box, rho_B (0: not asked for) and rho_C (inf: not asked for).
+    fleet : limits, box, rho_B (0: not asked for) and rho_C (inf: not asked for). Who is lost is an obstacle, whose
+        own limits, box and rest are not looked at; one agent at least must not be.
     time : (T,) [s], strictly increasing, not necessarily even, T >= 2.
     position, velocity : (T, m, d) [m], [m/s].
     force : (T-1, m, d) inputs [m/s^2], held over each interval.
@@ -59,44 +61,64 @@ def verify_motion(
     if (wrong := _what_is_wrong(fleet, arrays)) is not None:
         return _nothing_else_looked_at(fleet, wrong, at_rest=at_rest, start=start is not None)
     path = Path(*(np.asarray(array, dtype=float) for array in arrays[:4]))
+    own, part = taking_part(path, fleet)
     checks = [
         Check("numbers", holds=True, margin=0.0, unit="", where="all finite"),
         *check_dynamics(path, fleet.ids, tolerance),
-        check_speed(path, fleet, tolerance),
-        check_input(path, fleet, tolerance),
-        check_box(path, fleet, tolerance),
+        check_speed(own, part, tolerance),
+        check_input(own, part, tolerance),
+        check_box(own, part, tolerance),
     ]
     if fleet.size > 1 and fleet.separation_min > 0.0:
         checks.append(_check_separation(path, fleet, tolerance))
     if len(fleet.active) > 1 and np.isfinite(fleet.communication_range):
-        checks.append(_check_connectivity(path, fleet, tolerance))
+        checks.append(check_connectivity(path, fleet, tolerance))
     if fleet.links:
         checks.append(check_links(path, fleet, tolerance))
     if at_rest:
-        checks.append(check_rest(path, fleet.ids, tolerance))
+        checks.append(check_rest(own, part.ids, tolerance))
     if start is not None:
         checks.extend(check_start(path, start, fleet.ids, tolerance))
     return Report(tuple(checks))
 
 
 def _check_separation(path: Path, fleet: Fleet, tolerance: float) -> Check:
-    """Check ||q_i - q_j|| >= rho_B at every instant (4.18)."""
-    closest = smallest_separation(path)
-    assert closest is not None, "asked for with two agents at least"
-    margin = closest.value - fleet.separation_min
-    return Check("separation", margin >= -tolerance, margin, "m", describe(closest, fleet.ids))
+    """Check ||q_i - q_j|| >= rho_B at every instant (4.18); how near two lost agents come is nobody's decision."""
+    groups = [fleet.active, *((*fleet.active, lost) for lost in fleet.lost)] if fleet.lost else [fleet.active]
+    worst, where = np.inf, "nobody is near"
+    for group in groups:
+        some, part = _those(path, fleet, group)
+        closest = smallest_separation(some)
+        if closest is not None and closest.value < worst:
+            worst, where = closest.value, describe(closest, part.ids)
+    margin = worst - fleet.separation_min
+    return Check("separation", margin >= -tolerance, margin, "m", where)
 
 
-def _check_connectivity(path: Path, fleet: Fleet, tolerance: float) -> Check:
+def taking_part(path: Path, fleet: Fleet) -> tuple[Path, Fleet]:
+    """Return the path of those who are not lost, and their limits."""
+    return _those(path, fleet, fleet.active)
+
+
+def _those(path: Path, fleet: Fleet, group: tuple[int, ...]) -> tuple[Path, Fleet]:
+    """Return the path of some agents, and their limits."""
+    if len(group) == fleet.size:
+        return path, fleet
+    part = list(group)
+    some = Path(path.time, path.position[:, part], path.velocity[:, part], path.force[:, part])
+    ids = tuple(fleet.ids[i] for i in part)
+    return some, replace(fleet, ids=ids, input_max=fleet.input_max[part], speed_max=fleet.speed_max[part])
+
+
+def check_connectivity(path: Path, fleet: Fleet, tolerance: float) -> Check:
     """Check that edges of at most rho_C connect those who take part at every instant (4.20)."""
-    part = list(fleet.active)
-    if fleet.lost:
-        path = Path(path.time, path.position[:, part], path.velocity[:, part], path.force[:, part])
+    path, part = taking_part(path, fleet)
+    if len(fleet.active) < 2:  # noqa: PLR2004 - a pair
+        return Check("connectivity", holds=True, margin=np.inf, unit="m", where="nobody to lose touch with")
     widest = widest_bottleneck(path, limit=fleet.communication_range, resolution=0.5 * tolerance)
     assert widest is not None, "asked for with two agents at least"
     margin = fleet.communication_range - widest.value
-    ids = tuple(fleet.ids[i] for i in part)
-    return Check("connectivity", margin >= -tolerance, margin, "m", describe(widest, ids))
+    return Check("connectivity", margin >= -tolerance, margin, "m", describe(widest, part.ids))
 
 
 def describe(distance: Distance, ids: tuple[str, ...]) -> str:

@@ -10,6 +10,8 @@ import numpy as np
 
 from mpc_cover.verification.connectivity import widest_bottleneck
 from mpc_cover.verification.information_summary import summarise_information
+from mpc_cover.verification.losses import losses_of, separations, stretches
+from mpc_cover.verification.motion import taking_part
 from mpc_cover.verification.path import Path
 from mpc_cover.verification.separation import smallest_separation
 
@@ -46,8 +48,10 @@ class RunSummary:
     smallest_separation_m : along the continuous path; None for a single agent.
     separation_min_m, communication_range_m : rho_B and rho_C.
     largest_speed_m_per_s, largest_input_m_per_s2 : those nearest their bounds, which come with them.
-    connected : whether the fleet was connected at every instant; None where it was not asked for.
-    bottleneck_m : the largest edge of the Euclidean minimum spanning tree at any instant.
+    connected : whether the fleet was connected at every instant, but for those lost by then; None where it was not
+        asked for.
+    bottleneck_m : the largest edge of its Euclidean minimum spanning tree at any instant.
+    time_apart_s : for how long it was not connected; the loss of a relay may be the reason.
     distance_m : travelled, by agent.
     swath_bound_s : T_b, about which no plan can be faster to cover everything.
     ratio_to_bound : time_to_99_s over T_b.
@@ -81,6 +85,7 @@ class RunSummary:
     ratio_to_bound: float | None
     step_times: StepTimes | None = None
     information: dict[str, Any] | None = None
+    time_apart_s: float = 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary as plain data for `--json`."""
@@ -94,8 +99,9 @@ def summarise(trajectory: Trajectory, report: Report, step_times: FloatArray | N
     """Return a trajectory's summary; `step_times` are the controller's (S,) [s], if it is known."""
     mission, fleet = trajectory.mission, trajectory.mission.fleet
     path = Path(trajectory.time, trajectory.position, trajectory.velocity, trajectory.input)
-    closest, widest = smallest_separation(path), widest_bottleneck(path)
+    closest, longest = smallest_separation(path), _longest_edge(trajectory)
     asked = bool(np.isfinite(fleet.communication_range))
+    torn = asked and longest is not None and longest > fleet.communication_range + _TOLERANCE
     speed, speed_max = _nearest_bound(trajectory.velocity, fleet.speed_max)
     force, force_max = _nearest_bound(trajectory.input, fleet.input_max)
     reached = {level: time_to_cover(trajectory, level) for level in _LEVELS}
@@ -117,8 +123,8 @@ def summarise(trajectory: Trajectory, report: Report, step_times: FloatArray | N
         time_to_100_s=reached[100],
         smallest_separation_m=closest.value if closest else None,
         separation_min_m=fleet.separation_min or None,
-        connected=widest.value <= fleet.communication_range + _TOLERANCE if widest and asked else None,
-        bottleneck_m=widest.value if widest else None,
+        connected=not torn if asked and longest is not None else None,
+        bottleneck_m=longest,
         communication_range_m=fleet.communication_range if asked else None,
         largest_speed_m_per_s=speed,
         speed_max_m_per_s=speed_max,
@@ -130,6 +136,7 @@ def summarise(trajectory: Trajectory, report: Report, step_times: FloatArray | N
         ratio_to_bound=reached[99] / bound if bound and reached[99] is not None else None,
         step_times=summarise_steps(step_times, mission.spec.control.period_s),
         information=summarise_information(trajectory),
+        time_apart_s=_time_apart(trajectory) if torn else 0.0,
     )
 
 
@@ -187,6 +194,20 @@ def summarise_steps(step_times: FloatArray | None, period_s: float) -> StepTimes
         period_ms=1e3 * period_s,
         misses=int((step_times > period_s).sum()),
     )
+
+
+def _longest_edge(trajectory: Trajectory) -> float | None:
+    """Return the longest edge [m] of the tree of those not lost by then; None when there were never two."""
+    paths = (taking_part(path, fleet)[0] for path, fleet in stretches(trajectory, losses_of(trajectory)))
+    widest = [edge.value for path in paths if (edge := widest_bottleneck(path)) is not None]
+    return max(widest, default=None)
+
+
+def _time_apart(trajectory: Trajectory) -> float:
+    """Return for how long those not lost by then were out of range of each other [s]."""
+    end = float(trajectory.time[-1])
+    apart = separations(trajectory, losses_of(trajectory), _TOLERANCE)
+    return float(sum(min(one.end, end) - one.begin for one in apart))
 
 
 def _nearest_bound(value: FloatArray, bound: FloatArray) -> tuple[float, float]:

@@ -92,7 +92,10 @@ def _connected(summary: RunSummary, bottleneck: float) -> Text:
     if summary.connected is None:
         return Text(f"not asked for ({edge})")
     detail = f" ({edge} of {summary.communication_range_m:g} m)"
-    return Text(f"yes{detail}") if summary.connected else Text(f"NO{detail}", style="bold red")
+    if summary.connected:
+        return Text(f"yes{detail}")
+    excuse = ", after a loss" if summary.holds else ""
+    return Text(f"NO{detail}, apart for {summary.time_apart_s:.2f} s{excuse}", style="bold red")
 
 
 def _or(value: float | None, form: str, otherwise: str) -> str:

@@ -207,11 +207,12 @@ def test_without_a_mission_plan_the_previous_plan_is_shifted_and_then_rest():
     mission = small_mission()
     brain, plan = start_flying(mission)
     brain._engine = FailingEngine(Candidate(plan, 1.0, feasible=False, kind="useless"))
-    brain._whole = None
+    brain._whole, thinking = None, False
     for k in range(1, 12):
         start = plan.state_at(k * PERIOD)
         result = brain.step(*start, k * PERIOD, deadline=None)
-        assert result.rung is Rung.SHIFTED
+        assert result.rung is (Rung.REST if thinking else Rung.SHIFTED)
+        thinking = brain.wants_thought
         assert holds(mission, result.plan, start)
     assert np.abs(start[1]).max() < 1e-9
 

@@ -152,6 +152,26 @@ def test_the_others_finish_without_a_dead_agent(start):
     assert not trajectory.velocity[-1, 1].any()
 
 
+def test_a_death_that_was_asked_for(start):
+    demo = start(small_mission(height=6.0, reach=20.0), "--speed", "4", "--kill", "a2@1.5", "--seed", "5")
+    assert b"--seed\x005\x00" in Path(f"/proc/{demo.pids()['a1']}/cmdline").read_bytes()
+    summary = demo.end(0)
+    assert summary["lost"] == ["a2"]
+    assert summary["outcome"] == "everything is covered without a2"
+    died = load_trajectory(demo.folder / "trajectory.npz").meta["lost"]["a2"]
+    assert died > 1.0
+    assert holds(demo.folder)
+
+
+@pytest.mark.slow
+def test_disturbed_demos_keep_every_limit_with_any_seed(start):
+    from mpc_cover.mission.load import load_mission  # noqa: PLC0415 - only here
+
+    summary = start(load_mission("box-3-windy"), "--seed", "3").end(0)
+    assert summary["covered_percent"] == 100.0
+    assert summary["holds"]
+
+
 @pytest.mark.parametrize("moment", ["processes: ", pytest.param("plans thoroughly", marks=pytest.mark.slow)])
 def test_an_agent_that_dies_before_the_start_ends_the_demo(start, moment):
     demo = start(small_mission(height=9.0, planning_time_s=3.0))

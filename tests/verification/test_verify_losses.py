@@ -63,3 +63,58 @@ def test_a_lost_agent_is_still_an_obstacle():
         covered_at=covered_at(good.time, position, good.mission),
     )
     assert "separation" in {check.name for check in check_trajectory(bad).failures}
+
+
+def relay_lost(pushes):
+    """Three in a row, 2 m apart with a range of 2.5 m; the middle one dies at 0.9 s, and the outer ones fly on.
+
+    `pushes` is how the left one accelerates, once a period [m/s^2]; the right one does so the other way round.
+    """
+    good = flight({"lost": {"a2": 0.9}})
+    force = np.zeros((len(pushes), 3, 2))
+    force[:, 0, 0], force[:, 2, 0] = pushes, -np.array(pushes)
+    time = np.arange(len(pushes) + 1) * 0.5
+    position, velocity = propagate(good.mission.fleet.start, force, time)
+    return replace(
+        good,
+        time=time,
+        position=position,
+        velocity=velocity,
+        input=force,
+        covered_at=covered_at(time, position, good.mission),
+    )
+
+
+MEET = [0.0, -0.2, 0.2, 0.6, 0.2, 0.0, 0.0, 0.0, -0.8]
+"""Apart at first, as before the loss; by 1.5 s at rest again, then towards each other."""
+
+
+def together_again(report):
+    return next((check for check in report.checks if check.name == "together again after a loss"), None)
+
+
+def test_whom_the_loss_of_a_relay_leaves_apart_may_be_so_until_they_meet():
+    report = check_trajectory(relay_lost(MEET))
+    assert report.holds, report.failures
+    said = str(together_again(report))
+    assert "after the loss at t = 0.90 s the others were apart for" in said
+    assert "by 4.100 m" in said
+
+
+def test_but_they_must_meet():
+    report = check_trajectory(relay_lost([0.0, -0.2, 0.2, 0.6, -0.6, 0.0, 0.0]))
+    assert "connectivity" in {check.name for check in report.failures}
+    assert together_again(report) is None
+
+
+def test_and_come_no_farther_apart_once_they_could_know():
+    """They rest until 3 s, part again, and meet at last."""
+    apart = [0.0] * 6 + [-0.4, 0.4]
+    meet = [0.8, 0.0, 0.0, -0.8, 0.8, 0.0, 0.0, -0.8]
+    assert check_trajectory(relay_lost([0.0] * 8 + meet)).holds
+    report = check_trajectory(relay_lost(apart + meet))
+    assert "connectivity" in {check.name for check in report.failures}
+
+
+def test_nothing_is_said_of_losses_that_leave_everyone_in_touch():
+    assert together_again(check_trajectory(flight({"lost": {"a3": 2.0}}))) is None

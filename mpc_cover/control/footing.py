@@ -1,0 +1,115 @@
+"""What the controller can count on just now: who takes part, which bounds can be kept, what can be measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.control.courses import path_among
+from mpc_cover.control.easing import bounds_within_reach, strict
+from mpc_cover.control.fallback import brake_plan, shifted_plan
+from mpc_cover.control.measurable import measurable
+from mpc_cover.control.readiness import slowed, tightened, without
+from mpc_cover.verification.path import Path
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.control.courses import Course
+    from mpc_cover.control.stretch import Start
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.planning.plan import Plan
+
+_NOTICED = 2
+"""Periods for which someone may fly on along the last plan when a message is lost: its reports tell within one."""
+
+
+class Footing:
+    """A mission's fleet as it changes in flight.
+
+    Attributes
+    ----------
+    fleet : tightened by the tube, without the lost, as fast as it really is.
+    bounds : those that plans are held to; see `easing`.
+    courses : how the lost who still move come to rest, by number.
+    measurable : (J, K), what those who are left can measure.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self._given, self._tight = mission, tightened(mission)
+        self._lost = np.zeros(mission.fleet.size, dtype=bool)
+        self._share = np.ones(mission.fleet.size)
+        self._changed = False
+        self.fleet = self._tight
+        self.bounds = strict(self.fleet)
+        self.courses: Mapping[int, Course] = {}
+        self.measurable: BoolArray = np.ones((mission.fleet.radius.shape[1], mission.field.size), dtype=bool)
+
+    @property
+    def mission(self) -> Mission:
+        """The mission with the fleet and the bounds that plans are to be made for."""
+        return replace(self._given, fleet=self.bounds.planned)
+
+    @property
+    def torn(self) -> bool:
+        """Whether not even the range can be kept from here."""
+        return self.bounds.fleet.communication_range > self.fleet.communication_range
+
+    def set_lost(self, lost: BoolArray) -> bool:
+        """Do without the agents of the (m,) mask, or with them again; return whether that is new."""
+        new = not np.array_equal(lost, self._lost)
+        self._lost = np.array(lost, dtype=bool)
+        return new and self._change()
+
+    def limit_speed(self, index: int, share: float) -> bool:
+        """Reckon with this share of an agent's speed; return whether that is new."""
+        new = bool(self._share[index] != share)
+        self._share[index] = share
+        return new and self._change()
+
+    def take(self, start: Start, published: Plan | None) -> None:
+        """See which bounds can be kept from a state, and what is in reach; `published` is what is flown so far."""
+        known = [] if published is None else [shifted_plan(published, start.position, start.velocity, start.time)]
+        if self._changed or not known:
+            known.append(self.brake(start))
+        paths = [path_among(plan, self.courses) for plan in known]
+        self.bounds = bounds_within_reach(self.fleet, paths, self._truly(start))
+        if self._changed:
+            self.measurable = measurable(self.fleet, self._given.field.cell, start.position[self._lost])
+        self._changed = False
+
+    def brake(self, start: Start) -> Plan:
+        """Return the plan that stops everyone as fast as they can."""
+        control = self._given.spec.control
+        return brake_plan(
+            start.position, start.velocity, self.fleet, start.time, control.period_s, control.horizon_steps
+        )
+
+    def keeps(self, plan: Plan, start: Start) -> bool:
+        """Return whether the verifier passes a plan from a state."""
+        return self.bounds.keeps(path_among(plan, self.courses), self._truly(start))
+
+    def keeps_if_missed(self, plan: Plan, known: Plan) -> bool:
+        """Return whether all is well while anyone goes on along the plan that is known, until that is noticed."""
+        last = min(_NOTICED, plan.steps, known.steps)
+        new, old = (
+            Path(one.time()[: last + 1], one.position[: last + 1], one.velocity[: last + 1], one.input[:last])
+            for one in (plan, known)
+        )
+        return self.bounds.keeps_mixed(new, old)
+
+    def _change(self) -> bool:
+        self.fleet = without(slowed(self._tight, self._share), self._lost)
+        self.bounds = strict(self.fleet)
+        self._changed = True
+        return True
+
+    def _truly(self, start: Start) -> tuple[FloatArray, FloatArray]:
+        """Return the state (m, d) with the lost where they still are."""
+        position, velocity = start.position.copy(), start.velocity.copy()
+        for index, course in self.courses.items():
+            (position[index],), (velocity[index],), _ = course.at(np.array([start.time]))
+        return position, velocity

@@ -1,0 +1,87 @@
+"""The lost are obstacles where they are, not only where they will rest; and what they leave unmeasured is known."""
+
+from __future__ import annotations
+
+import numpy as np
+from flights import fleet_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mpc_cover.control.courses import Course, path_among
+from mpc_cover.control.easing import strict
+from mpc_cover.control.fallback import plan_from_velocities
+from mpc_cover.control.measurable import measurable
+
+
+def braking(position, velocity, begin, force=1.5):
+    """Return the course of an agent that brakes hardest from `begin` on."""
+    speed = np.linalg.norm(velocity)
+    duration = speed / force
+    push = -force / speed * velocity
+    end = position + 0.5 * duration * velocity
+    pieces = [[position, end], [velocity, 0.0 * velocity], [push, 0.0 * push]]
+    return Course(np.array([begin, begin + duration]), *(np.array(piece) for piece in pieces))
+
+
+def random_plan(rng, agents=3, steps=5):
+    velocity = np.zeros((steps + 1, agents, 2))
+    velocity[1:-1] = rng.normal(size=(steps - 1, agents, 2))
+    return plan_from_velocities(rng.normal(size=(agents, 2)), velocity[0], velocity[1:], 2.0, 0.5)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.2, 1.5), st.floats(0.0, 0.95))
+def test_the_path_is_the_plan_for_all_but_the_lost_and_the_course_for_these(seed, speed, over):
+    rng = np.random.default_rng(seed)
+    plan = random_plan(rng)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    course = braking(rng.normal(size=2), speed * np.array([np.cos(angle), np.sin(angle)]), 2.0 - over * speed / 1.5)
+    path = path_among(plan, {1: course})
+    assert set(np.round(plan.time(), 9)) <= set(np.round(path.time, 9))
+    for time, position, velocity in zip(path.time, path.position, path.velocity, strict=True):
+        there, fast = plan.state_at(time)
+        np.testing.assert_allclose(position[[0, 2]], there[[0, 2]], atol=1e-9)
+        np.testing.assert_allclose(velocity[[0, 2]], fast[[0, 2]], atol=1e-7)
+        left = max(0.0, course.time[-1] - time)
+        away = course.position[-1] - 0.5 * 1.5 * left**2 * course.velocity[0] / speed
+        np.testing.assert_allclose(position[1], away, atol=1e-9)
+    step = np.diff(path.time)[:, None, None]
+    moved = path.position[:-1] + step * path.velocity[:-1] + 0.5 * step**2 * path.force
+    np.testing.assert_allclose(moved, path.position[1:], atol=1e-9)
+
+
+def test_a_plan_that_passes_where_the_lost_still_is_does_not_hold():
+    """Where it comes to rest it is out of the way; while it gets there it is not."""
+    fleet = fleet_of(np.array([[0.0, 0.0], [0.0, 9.0]]), separation_min=0.5, lost=(1,))
+    course = braking(np.array([-1.0, 0.55]), np.array([3.0, 0.0]), 0.0)
+    still = np.zeros((2, 2))
+    start = np.array([[0.0, 0.0], course.position[-1]])
+    up = np.array([[0.0, 0.25], [0.0, 0.0]])
+    for velocity, holds in ((up, True), (2.8 * up, False)):
+        plan = plan_from_velocities(start, still, np.stack([velocity, np.zeros((2, 2))], axis=1), 0.0, 0.5)
+        assert strict(fleet).keeps(path_among(plan, {}), (start, still))
+        state = (np.array([[0.0, 0.0], [-1.0, 0.55]]), np.array([[0.0, 0.0], [3.0, 0.0]]))
+        assert strict(fleet).keeps(path_among(plan, {1: course}), state) == holds
+
+
+def test_once_at_rest_the_lost_change_nothing():
+    plan = random_plan(np.random.default_rng(0))
+    path = path_among(plan, {1: braking(np.zeros(2), np.array([1.0, 0.0]), 0.0)})
+    assert path.time.size == plan.steps + 1
+    np.testing.assert_array_equal(path.position, plan.position)
+
+
+def test_what_is_measurable():
+    radius = np.array([[1.0, -np.inf], [-np.inf, 2.0]])
+    cell = np.array([[5.0, 5.0], [1.0, 1.0]])
+    fleet = fleet_of(np.array([[0.0, 0.0], [9.0, 9.0]]), radius=radius, separation_min=0.5)
+    assert measurable(fleet, cell, np.empty((0, 2))).all()
+    one = fleet_of(fleet.start, radius=np.where([[True], [False]], radius, -np.inf), separation_min=0.5, lost=(1,))
+    np.testing.assert_array_equal(measurable(one, cell, fleet.start[1:]), [[True, True], [False, False]])
+
+
+def test_what_the_lost_stand_on_cannot_be_measured_from_too_far_away():
+    cell = np.array([[5.0, 5.0], [7.0, 5.0]])
+    blocked = fleet_of(np.zeros((2, 2)), separation_min=1.5, lost=(1,))
+    np.testing.assert_array_equal(measurable(blocked, cell, cell[:1]), [[False, True]])
+    assert measurable(fleet_of(np.zeros((2, 2)), separation_min=0.9, lost=(1,)), cell, cell[:1]).all()

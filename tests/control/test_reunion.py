@@ -1,0 +1,110 @@
+"""Those who are out of range of each other come nearer, and meet; nobody else is lost or hit on the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flights import fleet_of
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from mpc_cover.control.courses import path_among
+from mpc_cover.control.easing import bounds_within_reach, eased, longest_edge, strict
+from mpc_cover.control.fallback import brake_plan
+from mpc_cover.control.reunion import apart, reunions
+from mpc_cover.control.stretch import Start
+
+PERIOD = 0.5
+
+
+def fleet_at(start, lost=(), reach=4.0):
+    return fleet_of(np.asarray(start, dtype=float), separation_min=0.5, communication_range=reach, lost=tuple(lost))
+
+
+def reunite(fleet, velocity):
+    """Return the bounds that hold from the fleet's start with these velocities, and the first plan that keeps them."""
+    start = Start(fleet.start, velocity, 3.0)
+    braking = path_among(brake_plan(fleet.start, velocity, fleet, 3.0, PERIOD, 8), {})
+    state = (fleet.start, velocity)
+    bounds = bounds_within_reach(fleet, [braking], state)
+    plans = reunions(start, fleet, PERIOD)
+    return bounds, next((plan for plan in plans if bounds.keeps(path_among(plan, {}), state)), None)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(2, 6), st.integers(0, 2**32 - 1), st.booleans())
+def test_whoever_is_apart_meets_and_was_never_farther_apart_than_braking_leaves_them(agents, seed, moving):
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(0.0, 14.0, (agents, 2))
+    distance = np.linalg.norm(start[:, None] - start, axis=2) + 10.0 * np.eye(agents)
+    assume(distance.min() > 2.5)  # nobody collides, whatever they do in the time of braking
+    fleet = fleet_at(start)
+    assume(apart(start, fleet))
+    velocity = rng.uniform(-0.7, 0.7, (agents, 2)) if moving else np.zeros((agents, 2))
+    bounds, plan = reunite(fleet, velocity)
+    assert plan is not None
+    path = path_among(plan, {})
+    braked = longest_edge(path_among(brake_plan(start, velocity, fleet, 3.0, PERIOD, 8), {}), fleet)
+    assert longest_edge(path, fleet) <= max(fleet.communication_range, braked) + 1e-5
+    assert not apart(plan.position[-1], fleet)
+    assert bounds.fleet.communication_range <= max(fleet.communication_range, braked) + 1e-5
+
+
+def test_the_lost_relay_in_the_middle_is_flown_around():
+    """Two groups must pass each other's obstacles: the dead stand between them, and they meet all the same."""
+    start = [[0.0, 0.0], [3.0, 0.0], [6.0, 0.0], [9.0, 0.0]]
+    fleet = fleet_at(start, lost=(1, 2), reach=3.5)
+    _, plan = reunite(fleet, np.zeros((4, 2)))
+    assert plan is not None
+    assert np.linalg.norm(plan.position[-1, 0] - plan.position[-1, 3]) <= 3.5
+    assert not np.abs(plan.velocity[:, 1:3]).any()
+
+
+def test_a_fleet_in_touch_is_not_apart_and_the_lost_do_not_count():
+    fleet = fleet_at([[0.0, 0.0], [3.0, 0.0], [6.0, 0.0]])
+    assert not apart(fleet.start, fleet)
+    assert apart(fleet.start, replace(fleet, lost=(1,)))
+    assert not apart(fleet.start, replace(fleet, lost=(2,)))
+
+
+def rest_at(fleet, position=None, velocity=None):
+    position = fleet.start if position is None else position
+    velocity = np.zeros_like(position) if velocity is None else velocity
+    return path_among(brake_plan(position, velocity, fleet, 0.0, PERIOD, 4), {}), (position, velocity)
+
+
+def test_within_its_bounds_a_fleet_keeps_them():
+    fleet = fleet_at([[0.0, 0.0], [3.0, 0.0]])
+    path, state = rest_at(fleet)
+    bounds = bounds_within_reach(fleet, [path], state)
+    assert bounds.fleet is fleet
+    assert not bounds.apart
+
+
+@pytest.mark.parametrize("moved", [0.0, 0.3])
+def test_a_pair_that_is_too_near_may_stay_so_but_no_other_may_come_as_near(moved):
+    fleet = fleet_at([[0.0, 0.0], [0.4, 0.0], [1.1 - moved, 0.0]])
+    path, state = rest_at(fleet, np.array([[0.0, 0.0], [0.4, 0.0], [1.1, 0.0]]))
+    bounds = eased(fleet, path)
+    assert bounds.apart == {(0, 1): pytest.approx(0.4)}
+    assert bounds.keeps(path, state)
+    nearer, there = rest_at(fleet, fleet.start)
+    assert bounds.keeps(nearer, there) == (moved == 0.0)
+
+
+def test_a_state_just_outside_any_bound_leaves_a_plan_that_holds():
+    fleet = replace(
+        fleet_at([[0.0, 0.0], [3.0, 0.0]]), motion_min=np.array([-1.0, -1.0]), motion_max=np.array([9.0, 9.0])
+    )
+    outside = {
+        "separation": ([[0.0, 0.0], [0.49, 0.0]], [[0.0, 0.0], [0.0, 0.0]]),
+        "range": ([[0.0, 0.0], [4.05, 0.0]], [[0.0, 0.0], [0.0, 0.0]]),
+        "box": ([[-1.02, 0.0], [2.0, 0.0]], [[-0.1, 0.0], [0.0, 0.0]]),
+        "speed": ([[0.0, 0.0], [3.0, 0.0]], [[0.0, 1.52], [0.0, 0.0]]),
+    }
+    for name, (position, velocity) in outside.items():
+        path, state = rest_at(fleet, np.array(position), np.array(velocity))
+        assert not strict(fleet).keeps(path, state), name
+        assert bounds_within_reach(fleet, [path], state).keeps(path, state), name
