@@ -7,41 +7,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
-from pydantic_core import PydanticCustomError
+from pydantic import BeforeValidator, Field
+
+from mpc_cover.mission.potential_spec import PotentialSpec
+from mpc_cover.mission.base import Finite, Model, Name, NonNegative, Point, Positive, no_flag
 
 SCHEMA_VERSION = 1
-
-LARGEST = 1e8
-"""No number of a mission is larger, nor smaller than 1 / 1e8 unless it may be 0: products stay finite."""
-
-
-def _no_flag(value: object) -> object:
-    """Refuse `yes` and `true`, which would pass for 1."""
-    if isinstance(value, bool):
-        raise PydanticCustomError("number_type", "must be a number, not true or false")
-    return value
-
-
-def _not_tiny(value: float) -> float:
-    if value < 1.0 / LARGEST:
-        raise PydanticCustomError("too_small", "must be at least {least}", {"least": 1.0 / LARGEST})
-    return value
-
-
-Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False), BeforeValidator(_no_flag)]
-Positive = Annotated[
-    float, Field(gt=0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_tiny), BeforeValidator(_no_flag)
-]
-NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False), BeforeValidator(_no_flag)]
-Point = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
-
-
-class Model(BaseModel):
-    """Frozen, and a misspelt key is an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
 
 
 class BoxShape(Model):
@@ -141,6 +112,9 @@ class FleetSpec(Model):
     """Pairs that always stay within range of each other: fixed topology (4.19)."""
     faults_tolerated: Annotated[int, Field(ge=0)] = 0
     """h: everything is covered even if any h agents fail from the start (robustness, section 4.1)."""
+    dynamics: Literal["double", "single"] = "double"
+    """Double integrators (3.1), or single integrators (5.1), whose u_max is `speed_max_m_per_s`: these fly by the
+    potential law only."""
 
 
 class Control(Model):
@@ -187,7 +161,7 @@ class Disturbance(Model):
 class MissionSpec(Model):
     """A whole mission file."""
 
-    schema_version: Annotated[Literal[1], BeforeValidator(_no_flag)] = Field(alias="schema")
+    schema_version: Annotated[Literal[1], BeforeValidator(no_flag)] = Field(alias="schema")
     name: Name
     area: Area
     fleet: FleetSpec
@@ -196,3 +170,4 @@ class MissionSpec(Model):
     control: Control = Control()
     planning: Planning = Planning()
     disturbance: Disturbance = Disturbance()
+    potential: PotentialSpec = PotentialSpec()
