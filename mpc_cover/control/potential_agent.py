@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
+from mpc_cover.control.detour import detour
 from mpc_cover.control.escape import Escape
 from mpc_cover.control.hearing import Hearing
 from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw, random_signal
@@ -236,33 +237,81 @@ class PotentialAgent(Generic[M]):
         """
         if self._hearing.unsure(own, self.newest) or own.complete:
             return self.brake(own)
-        rows, states, heard = self._around(own)
+        states, heard, doubt = self._around(own)
+        rows = np.array([each.agent for each in states], dtype=np.intp)
         position, velocity = np.array([each.position for each in states]), np.array([each.velocity for each in states])
-        law = self._law_for(rows)
         kept = np.zeros((len(rows), len(rows)), dtype=bool)
         kept[np.ix_(heard, heard)] = self._law_for(rows[heard]).kept_edges(position[heard], velocity[heard])
         me = int(np.flatnonzero(rows == self._index)[0])
-        weight = np.zeros((len(rows), self._field.size))
-        weight[me] = self._escape.attend(self._field.weight * (self._able @ self.known.residual))
-        wish = law.wish(position, weight, kept, random_signal(self._rng, len(rows), self._fleet.dimension))
+        silent = [state for state, now in zip(states, heard, strict=True) if not now]
+        wish = np.zeros_like(position)
+        wish[me] = self._wish(own, (rows[heard], position[heard], kept[np.ix_(heard, heard)]), silent)
+        law = self._law_for(rows)
         if not self._double:
             return np.asarray((law.step(position, wish, kept)[me] - own.position) / self._parameters.period_s)
-        doubt = np.where(heard, 0.0, self._parameters.lost_margin_m)
         return np.asarray(law.force(position, velocity, wish, kept, doubt)[me])
 
-    def _around(self, own: Report) -> tuple[IntArray, list[Report], BoolArray]:
-        """Return (n,) agents, their states and whether they were heard now; who was not is in every state it may be.
+    def _wish(self, own: Report, near: tuple[IntArray, FloatArray, BoolArray], silent: list[Report]) -> FloatArray:
+        """Return the velocity (d,) [m/s] that the law asks for among those heard, around those who are silent.
 
-        That is its last state, and the one that it promised after that, should it have lived to act on it.
+        `near` are the (n,) agents heard, their (n, d) positions [m] and the (n, n) edges kept. The silent repel
+        nobody: the safe sets keep them apart, and cells beside them may have to be measured.
         """
-        found = []
+        rows, position, kept = near
+        me = int(np.flatnonzero(rows == self._index)[0])
+        weight = np.zeros((len(rows), self._field.size))
+        weight[me] = self._escape.attend(self._field.weight * (self._able @ self.known.residual))
+        signal = random_signal(self._rng, len(rows), self._fleet.dimension)
+        wish = self._law_for(rows).wish(position, weight, kept, signal)[me]
+        return self._around_silent(wish, own, silent) if self._escape.stalled else wish
+
+    def _around(self, own: Report) -> tuple[list[Report], BoolArray, FloatArray]:
+        """Return n states, whether each is of an agent heard now (n,), and how far from it the agent may be (n,) [m].
+
+        Who was not heard is in its last state, or in the one that it promised after that, should it have lived to
+        act on it; and after so long a silence that it must be at rest, where it came to rest.
+        """
+        found: list[tuple[Report, bool, float]] = []
         for j, last in sorted(self.newest.items()):
-            found.append((j, last))
             promised = self._promised.get(j)
-            if last.sample != own.sample and promised is not None and promised.sample > last.sample:
-                found.append((j, promised))
-        heard = [not each.promised and each.sample == own.sample for _, each in found]
-        return np.array([j for j, _ in found], dtype=np.intp), [each for _, each in found], np.array(heard)
+            if last.sample == own.sample:
+                found.append((last, True, 0.0))
+                continue
+            later = [promised] if promised is not None and promised.sample > last.sample else []
+            rests = own.sample - last.sample > self._parameters.lost_after
+            found += [(*self._at_rest(each),) if rests else (each, False, 0.0) for each in (last, *later)]
+        margin = self._parameters.lost_margin_m
+        doubt = [0.0 if now else more + margin for _, now, more in found]
+        return [each for each, _, _ in found], np.array([now for _, now, _ in found]), np.array(doubt)
+
+    def _at_rest(self, last: Report) -> tuple[Report, bool, float]:
+        """Return where an agent came to rest that braked from its last state, and by how much that is in doubt [m].
+
+        It braked with all its input, or with less over whole samples (`stopping_filter`).
+        """
+        speed = float(np.linalg.norm(last.velocity))
+        if not self._double or speed == 0.0:
+            return last, False, 0.0
+        limit = self._fleet.input_max[[last.agent]]
+        ball = stopping_balls(last.position[None], last.velocity[None], limit, self._parameters.period_s)
+        soonest = last.position + 0.5 * speed / float(limit[0]) * last.velocity
+        rest = replace(last, position=0.5 * (soonest + ball.stop[0]), velocity=np.zeros_like(last.velocity))
+        return rest, False, 0.5 * float(np.linalg.norm(ball.stop[0] - soonest))
+
+    def _around_silent(self, wish: FloatArray, own: Report, states: list[Report]) -> FloatArray:
+        """Return the velocity (d,) [m/s] that leads around those who are silent; in turns left and right of them."""
+        if not states:
+            return wish
+        centre, radius = np.array([each.position for each in states]), np.zeros(len(states))
+        if self._double:
+            velocity = np.array([each.velocity for each in states])
+            limit = self._fleet.input_max[[each.agent for each in states]]
+            ball = stopping_balls(centre, velocity, limit, self._parameters.period_s)
+            centre, radius = ball.centre, ball.radius
+        begins = max(self._coordination.repel_within_m, self._coordination.separation_m)
+        near = radius + begins + self._parameters.period_s * self._fleet.speed_max[self._index]
+        turn = 1.0 if own.sample // self._parameters.patience % 2 == 0 else -1.0
+        return detour(wish, own.position, centre, near, turn)
 
     def _law_for(self, rows: IntArray) -> PotentialLaw:
         fleet = self._fleet

@@ -34,6 +34,7 @@ def law_parameters(mission: Mission) -> LawParameters:
         gain=math.inf if given.gain_m2_per_s is None else given.gain_m2_per_s,
         coordination_gain=given.coordination_gain_m2_per_s,
         random=given.random_part,
+        spare=given.spare_edges,
     )
 
 

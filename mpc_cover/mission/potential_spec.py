@@ -34,6 +34,8 @@ class PotentialSpec(Model):
     """R_B of (6.1); left out, 2 rho_B."""
     attract_beyond_m: Positive | None = None
     """R_C of (6.5); left out, 8/11 rho_C."""
+    spare_edges: bool = True
+    """Whether agents without a controller keep edges, too, that leave the others connected when any one is lost."""
     delay_samples: Samples | Literal["hops"] = "hops"
     """delta of 6.3: how late agents know of each other; hops: as late as word takes, a hop a sample."""
     patience_s: Positive = 10.0
