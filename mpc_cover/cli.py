@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mpc_cover import cli_bench, cli_study
+from mpc_cover import cli_bench, cli_study, cli_swarm
 from mpc_cover.errors import UserError
 
 if TYPE_CHECKING:
@@ -43,6 +43,9 @@ OptionalMission = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission file (YAML), or the name of one that comes along.")
 ]
 Backend = Annotated[str, typer.Option("--backend", metavar="NAME", help="QP back-end: piqp, clarabel or osqp.")]
+Controller = Annotated[
+    str, typer.Option("--controller", metavar="NAME", help="mpc, or potential: no controller, each agent by itself.")
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of whatever is random.")]
 Speed = Annotated[float, typer.Option("--speed", help="Mission seconds that pass in a second; the same for all.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Run folder; default runs/MISSION-TIME.")]
@@ -85,6 +88,7 @@ def demo(
     seed: Seed = 0,
     backend: Backend = "piqp",
     speed: Speed = 1.0,
+    controller: Controller = "mpc",
     as_json: Json = False,
 ) -> None:
     """Fly a mission with a controller and its agents as real processes over Zenoh on loopback."""
@@ -93,11 +97,15 @@ def demo(
 
     _check_speed(speed)
     _check_backend(backend)
-    loaded = _load(mission)
+    potential, loaded = cli_swarm.is_potential(controller), _load(mission)
     folder = RunFolder(out or default_folder(loaded), "demo", loaded)
     console = _console(as_json)
     fleet = f"{loaded.fleet.size} agents, {loaded.field.size} cells"
     console.print(f"{loaded.spec.name}: {fleet}; run folder {folder.path}", highlight=False, markup=False)
+    if potential:
+        summary, extra, status = cli_swarm.demo(loaded, folder, console, seed=seed, speed=speed)
+        _finish(console, summary, extra, as_json, where=folder.path)
+        raise typer.Exit(status)
     result = run_demo(loaded, DemoOptions(backend, seed, speed), folder, console)
     extra = {
         "folder": str(folder.path),
@@ -150,16 +158,28 @@ def agent(
     connect_timeout: Timeout = 10.0,
     record: Annotated[Path | None, typer.Option("--record", help="Write the exact motion here.")] = None,
     speed: Speed = 1.0,
+    seed: Seed = 0,
+    controller: Controller = "mpc",
     with_parent: WithParent = False,
 ) -> None:
-    """Be one simulated agent: fly the plans that come, each to its end at rest, until a signal comes."""
+    """Be one simulated agent: fly the plans that come, each to its end at rest, until a signal comes.
+
+    With --controller potential no plans come: it flies by the potential law on what it hears from the others, and ends
+    when all know that everything is covered. Without endpoints the agents of a mission find each other on loopback.
+    """
     from mpc_cover.service.network import DEFAULT_ENDPOINT  # noqa: PLC0415
     from mpc_cover.service.serving import AgentOptions, fly  # noqa: PLC0415
 
     _check_speed(speed)
+    if cli_swarm.is_potential(controller):
+        from mpc_cover.service.swarm_serving import fly_alone  # noqa: PLC0415
+
+        options = AgentOptions(speed, record, with_parent, seed)
+        network = _network(connect, listen, config, connect_timeout)
+        raise typer.Exit(fly_alone(_load(mission), agent_id, options, network))
     loaded = _load(mission)
     network = _network(connect, listen, config, connect_timeout, default_connect=DEFAULT_ENDPOINT)
-    raise typer.Exit(fly(loaded, agent_id, AgentOptions(speed, record, with_parent), network))
+    raise typer.Exit(fly(loaded, agent_id, AgentOptions(speed, record, with_parent, seed), network))
 
 
 @app.command()
@@ -168,6 +188,7 @@ def simulate(
     out: Out = None,
     seed: Seed = 0,
     backend: Backend = "piqp",
+    controller: Controller = "mpc",
     as_json: Json = False,
 ) -> None:
     """Fly the same closed loop in one process on a virtual clock: no network, the same result every time."""
@@ -176,9 +197,13 @@ def simulate(
     from mpc_cover.service.simulate import simulate as run_simulation  # noqa: PLC0415
 
     _check_backend(backend)
-    loaded = _load(mission)
+    potential, loaded = cli_swarm.is_potential(controller), _load(mission)
     folder = RunFolder(out or default_folder(loaded), "simulate", loaded)
     console = _console(as_json)
+    if potential:
+        summary, extra, status = cli_swarm.simulate(loaded, folder, console, seed=seed)
+        _finish(console, summary, extra, as_json, where=folder.path)
+        raise typer.Exit(status)
     with Progress(console) as progress:
         result = run_simulation(loaded, backend=backend, seed=seed, on_tick=progress.show)
     times = step_times_of([step.tick_time_s for step in result.steps if step.kind == "step"])
