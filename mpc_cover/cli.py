@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mpc_cover import cli_bench, cli_study, cli_swarm
+from mpc_cover import cli_bench, cli_size, cli_study, cli_swarm
 from mpc_cover.errors import UserError
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ app = typer.Typer(
 )
 app.add_typer(cli_bench.app)
 app.add_typer(cli_study.app)
+app.command()(cli_size.size)
 
 MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission file (YAML), or the name of one that comes along, as box-3.")
