@@ -27,6 +27,7 @@ Missions = Annotated[
 
 
 app.command()(cli_thesis.thesis)
+app.command()(cli_thesis.laws)
 
 
 @app.callback()

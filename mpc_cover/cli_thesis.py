@@ -44,3 +44,36 @@ def thesis(
     if as_json:
         sys.stdout.write(json.dumps(result.to_dict(), allow_nan=False) + "\n")
     raise typer.Exit(result.exit_status)
+
+
+def laws(
+    missions: Annotated[
+        list[str], typer.Argument(metavar="MISSION...", help="Mission files (YAML), or names of those that come along.")
+    ],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for laws.csv and laws.json.")] = None,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, max=10_000, help="How many seeds, from 0 on.")] = 3,
+    starts: Annotated[str, typer.Option("--starts", help="random: drawn for each seed; mission: its own.")] = "random",
+    backend: Annotated[str, typer.Option("--backend", help="QP back-end: piqp, clarabel or osqp.")] = "piqp",
+    jobs: Jobs = None,
+    as_json: Json = False,
+) -> None:
+    """Compare the receding horizon with the potential law on equal dynamics: time, distance, effort, messages, computing.
+
+    Exit status 1 when a flight was not completed, or a check of the independent verifier fails.
+    """
+    from joblib import cpu_count  # noqa: PLC0415 - every import here is one that others need not wait for
+    from rich.console import Console  # noqa: PLC0415
+
+    from mpc_cover.errors import UserError  # noqa: PLC0415
+    from mpc_cover.studies.laws import LawsOptions, run_laws  # noqa: PLC0415
+    from solvers.backends.registry import BACKENDS  # noqa: PLC0415 - imports no back-end
+
+    if backend not in BACKENDS:
+        raise UserError(f"--backend {backend}: is none: must be one of {', '.join(BACKENDS)}")
+    options = LawsOptions(tuple(missions), seeds, starts, backend, jobs or int(cpu_count()))
+    runs = run_laws(options, out, Console(stderr=as_json))
+    if as_json:
+        from msgspec.structs import asdict  # noqa: PLC0415
+
+        sys.stdout.write(json.dumps({"runs": [asdict(run) for run in runs]}, allow_nan=False) + "\n")
+    raise typer.Exit(0 if all(run.complete and run.violations == 0 for run in runs) else 1)
