@@ -15,7 +15,9 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 
 
 def thesis(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the page; may hold earlier parts of it.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of the page; may hold earlier parts of it.")
+    ],
     only: Annotated[
         list[str] | None, typer.Option("--only", metavar="FIGURE", help="A figure as 6.2, or a mission; repeatable.")
     ] = None,
@@ -57,7 +59,7 @@ def laws(
     jobs: Jobs = None,
     as_json: Json = False,
 ) -> None:
-    """Compare the receding horizon with the potential law on equal dynamics: time, distance, effort, messages, computing.
+    """Compare the receding horizon and the potential law on equal dynamics: time, distance, effort, traffic, computing.
 
     Exit status 1 when a flight was not completed, or a check of the independent verifier fails.
     """

@@ -12,7 +12,7 @@ What is assumed: two agents hear each other once between rho_C and the distance 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
@@ -20,44 +20,22 @@ import numpy as np
 from mpc_cover.control.detour import detour
 from mpc_cover.control.escape import Escape
 from mpc_cover.control.hearing import Hearing
-from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw, random_signal
+from mpc_cover.control.potential_law import Bounds, PotentialLaw, random_signal
 from mpc_cover.control.relay import Relay
 from mpc_cover.control.report import Report
-from mpc_cover.control.stopping_filter import stopping_balls
+from mpc_cover.control.surroundings import Surroundings
 from mpc_cover.information.delayed_map import HeardMap, TakesLooks
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
+    from mpc_cover.control.agent_parameters import AgentParameters
     from mpc_cover.control.potential import Coordination
     from mpc_cover.information.looks import Sensing
     from mpc_cover.mission.field import Field
     from mpc_cover.mission.fleet import Fleet
 
-
-@dataclass(frozen=True)
-class AgentParameters:
-    """How an agent runs the law.
-
-    Attributes
-    ----------
-    law : its tuning; the edges kept are always the agent's own choice, for which it needs no one's word.
-    period_s : T_s.
-    patience : samples without news after which one cell counts only (`escape`).
-    lost_after : samples of silence after which a neighbour is taken for lost; it must be at rest by then.
-    lost_margin_m : how far a lost agent may be outside these balls. 0 where silence means that its process has
-        ended and it braked; where a radio may fail one way, it had two more samples to act: 2 T_s v_max and the
-        braking distance.
-    delay : samples by which other agents' looks are held back at the least (delta of 6.3); 0 for none.
-    """
-
-    law: LawParameters
-    period_s: float
-    patience: int = 20
-    lost_after: int = 6
-    lost_margin_m: float = 0.0
-    delay: int = 0
 
 M = TypeVar("M", bound=TakesLooks)
 
@@ -111,6 +89,13 @@ class PotentialAgent(Generic[M]):
         self._escape = Escape(order, parameters.patience)
         self._hearing = Hearing(fleet, index, parameters.period_s, parameters.lost_after)
         self._relay = Relay(fleet.size)
+        self._surroundings = Surroundings(
+            fleet,
+            parameters.period_s,
+            double=double,
+            lost_after=parameters.lost_after,
+            margin_m=parameters.lost_margin_m,
+        )
         self._promised: dict[int, Report] = {}
         self.newest: dict[int, Report] = {}
         self.known = known
@@ -219,12 +204,7 @@ class PotentialAgent(Generic[M]):
 
     def brake(self, own: Report) -> FloatArray:
         """Return the input (d,) that brakes, for which everyone's sets leave room."""
-        if not self._double:
-            return np.zeros_like(own.position)
-        limit = self._fleet.input_max[[self._index]]
-        return np.asarray(
-            stopping_balls(own.position[None], own.velocity[None], limit, self._parameters.period_s).force[0]
-        )
+        return self._surroundings.brake(own)
 
     def miss(self) -> None:
         """Say in the next report that nobody was heard: the time to decide has passed."""
@@ -237,7 +217,7 @@ class PotentialAgent(Generic[M]):
         """
         if self._hearing.unsure(own, self.newest) or own.complete:
             return self.brake(own)
-        states, heard, doubt = self._around(own)
+        states, heard, doubt = self._surroundings.states(own, self.newest, self._promised)
         rows = np.array([each.agent for each in states], dtype=np.intp)
         position, velocity = np.array([each.position for each in states]), np.array([each.velocity for each in states])
         kept = np.zeros((len(rows), len(rows)), dtype=bool)
@@ -265,49 +245,11 @@ class PotentialAgent(Generic[M]):
         wish = self._law_for(rows).wish(position, weight, kept, signal)[me]
         return self._around_silent(wish, own, silent) if self._escape.stalled else wish
 
-    def _around(self, own: Report) -> tuple[list[Report], BoolArray, FloatArray]:
-        """Return n states, whether each is of an agent heard now (n,), and how far from it the agent may be (n,) [m].
-
-        Who was not heard is in its last state, or in the one that it promised after that, should it have lived to
-        act on it; and after so long a silence that it must be at rest, where it came to rest.
-        """
-        found: list[tuple[Report, bool, float]] = []
-        for j, last in sorted(self.newest.items()):
-            promised = self._promised.get(j)
-            if last.sample == own.sample:
-                found.append((last, True, 0.0))
-                continue
-            later = [promised] if promised is not None and promised.sample > last.sample else []
-            rests = own.sample - last.sample > self._parameters.lost_after
-            found += [(*self._at_rest(each),) if rests else (each, False, 0.0) for each in (last, *later)]
-        margin = self._parameters.lost_margin_m
-        doubt = [0.0 if now else more + margin for _, now, more in found]
-        return [each for each, _, _ in found], np.array([now for _, now, _ in found]), np.array(doubt)
-
-    def _at_rest(self, last: Report) -> tuple[Report, bool, float]:
-        """Return where an agent came to rest that braked from its last state, and by how much that is in doubt [m].
-
-        It braked with all its input, or with less over whole samples (`stopping_filter`).
-        """
-        speed = float(np.linalg.norm(last.velocity))
-        if not self._double or speed == 0.0:
-            return last, False, 0.0
-        limit = self._fleet.input_max[[last.agent]]
-        ball = stopping_balls(last.position[None], last.velocity[None], limit, self._parameters.period_s)
-        soonest = last.position + 0.5 * speed / float(limit[0]) * last.velocity
-        rest = replace(last, position=0.5 * (soonest + ball.stop[0]), velocity=np.zeros_like(last.velocity))
-        return rest, False, 0.5 * float(np.linalg.norm(ball.stop[0] - soonest))
-
     def _around_silent(self, wish: FloatArray, own: Report, states: list[Report]) -> FloatArray:
         """Return the velocity (d,) [m/s] that leads around those who are silent; in turns left and right of them."""
         if not states:
             return wish
-        centre, radius = np.array([each.position for each in states]), np.zeros(len(states))
-        if self._double:
-            velocity = np.array([each.velocity for each in states])
-            limit = self._fleet.input_max[[each.agent for each in states]]
-            ball = stopping_balls(centre, velocity, limit, self._parameters.period_s)
-            centre, radius = ball.centre, ball.radius
+        centre, radius = self._surroundings.balls(states)
         begins = max(self._coordination.repel_within_m, self._coordination.separation_m)
         near = radius + begins + self._parameters.period_s * self._fleet.speed_max[self._index]
         turn = 1.0 if own.sample // self._parameters.patience % 2 == 0 else -1.0

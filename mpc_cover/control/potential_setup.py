@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.control.agent_parameters import AgentParameters
 from mpc_cover.control.potential import Coordination, CoverageShape, coordination_of
-from mpc_cover.control.potential_agent import AgentParameters, PotentialAgent
+from mpc_cover.control.potential_agent import PotentialAgent
 from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw
 from mpc_cover.control.readiness import tightened
 from mpc_cover.errors import UserError

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mpc_cover.mission.potential_spec import PotentialSpec
 from mpc_cover.mission.base import Finite, Model, Name, NonNegative, Point, Positive, no_flag
+from mpc_cover.mission.potential_spec import PotentialSpec
 
 SCHEMA_VERSION = 1
 
@@ -154,7 +154,7 @@ class Disturbance(Model):
     """A constant acceleration that acts on everyone."""
     delay_s: NonNegative = 0.0
     """States reach the controller this late, at most a period."""
-    slow_agents: dict[Name, Annotated[float, Field(gt=0, le=1)]] = {}
+    slow_agents: dict[Name, Annotated[float, Field(gt=0, le=1)]] = Field(default_factory=dict)
     """Agents that reach only this part of their speed, without knowing."""
 
 

@@ -125,7 +125,7 @@ class Muster:
             speed=self._speed,
             time_s=now,
             position=self._fleet.start[self._index].tolist(),
-            present=sorted(self._present),
+            present=tuple(sorted(self._present)),
             start_s=self.start_s,
         )
         self._said.publish(encode(hello))

@@ -6,7 +6,7 @@ Payloads are JSON with a schema version like all others (`messages`); what is wr
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import msgspec
 import numpy as np
@@ -39,7 +39,7 @@ class Hello(Message, frozen=True, kw_only=True):
     speed: float
     time_s: float
     position: Vector
-    present: list[Id] = []
+    present: tuple[Id, ...] = ()
     start_s: float | None = None
 
 
@@ -51,7 +51,7 @@ class Note(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     time_s: float
     position: Vector
     velocity: Vector
-    heard: list[Id] = []
+    heard: tuple[Id, ...] = ()
     promised: bool = False
     looked: Vector | None = None
     looked_s: float = 0.0
@@ -69,10 +69,13 @@ class Word(Message, frozen=True, kw_only=True):
     mission: Id
     start_s: float
     own: Note
-    news: Annotated[list[Note], msgspec.Meta(max_length=4000)] = []
-    missing: Annotated[list[Count], msgspec.Meta(max_length=64)] = []
+    news: Annotated[tuple[Note, ...], msgspec.Meta(max_length=4000)] = ()
+    missing: Annotated[tuple[Count, ...], msgspec.Meta(max_length=64)] = ()
     owed: Count = 0
     at_rest: bool = False
+
+
+M = TypeVar("M", bound=Message)
 
 
 class _Version(msgspec.Struct):
@@ -105,7 +108,7 @@ class Codec:
             time_s=report.time_s,
             position=report.position.tolist(),
             velocity=report.velocity.tolist(),
-            heard=[self._ids[j] for j in sorted(report.heard)],
+            heard=tuple(self._ids[j] for j in sorted(report.heard)),
             promised=report.promised,
             looked=None if report.looked is None else report.looked.tolist(),
             looked_s=report.looked_s,
@@ -135,7 +138,7 @@ class Codec:
         RejectedError
             It is anything else.
         """
-        hello: Hello = _decoded(_HELLO, payload)
+        hello = _decoded(_HELLO, payload)
         start = () if hello.start_s is None else (hello.start_s,)
         self._check((hello.agent, *hello.present), (hello.position,), (hello.speed, hello.time_s, *start))
         return hello
@@ -148,7 +151,7 @@ class Codec:
         RejectedError
             It is anything else.
         """
-        word: Word = _decoded(_WORD, payload)
+        word = _decoded(_WORD, payload)
         self._check((word.agent,), (), (word.start_s,))
         if word.own.agent != word.agent or len(word.missing) not in {0, len(self._ids)}:
             raise RejectedError(Reason.WRONG_AGENT, f"{word.agent} speaks for {word.own.agent}")
@@ -169,14 +172,14 @@ class Codec:
                 raise RejectedError(Reason.NOT_FINITE)
 
 
-def _decoded(decoder: msgspec.json.Decoder, payload: bytes) -> Message:  # type: ignore[type-arg]
+def _decoded(decoder: msgspec.json.Decoder[M], payload: bytes) -> M:
     if len(payload) > MAX_PAYLOAD:
         raise RejectedError(Reason.OVERSIZE, f"{len(payload)} bytes")
     try:
         version = _VERSION.decode(payload).schema
         if version != messages.SCHEMA_VERSION:
             raise RejectedError(Reason.SCHEMA, f"version {version}, this is {messages.SCHEMA_VERSION}")
-        message: Message = decoder.decode(payload)
+        message = decoder.decode(payload)
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise RejectedError(Reason.MALFORMED, str(error)[:200]) from None
     return message

@@ -195,16 +195,19 @@ class SwarmAgent:
         for item in self._heard.drain():
             try:
                 word = self._codec.word(item.payload)
-                if word.agent != agent_of(item.key):
-                    raise RejectedError(Reason.WRONG_AGENT, f"{word.agent} speaks on the key of {item.key}")
-                if word.mission != self._hash:
-                    raise RejectedError(Reason.WRONG_INSTANCE, f"{word.agent} flies another mission")
+                self._check_sender(word, agent_of(item.key))
             except RejectedError as error:
                 self._reject(error)
             else:
                 if word.agent != self.id:
                     words.append(word)
         return words
+
+    def _check_sender(self, word: Word, sender: str) -> None:
+        if word.agent != sender:
+            raise RejectedError(Reason.WRONG_AGENT, f"{word.agent} speaks on the key of {sender}")
+        if word.mission != self._hash:
+            raise RejectedError(Reason.WRONG_INSTANCE, f"{word.agent} flies another mission")
 
     def _listen(self, own: Report) -> None:
         """Take in what those in range have said."""
@@ -233,8 +236,8 @@ class SwarmAgent:
             mission=self._hash,
             start_s=self._begins_s,
             own=self._codec.note(own),
-            news=[self._codec.note(each) for each in news],
-            missing=[] if own.promised else self._brain.missing,
+            news=tuple(self._codec.note(each) for each in news),
+            missing=() if own.promised else tuple(self._brain.missing),
             owed=int(known.owed.any(axis=0).sum()),
             at_rest=float(np.linalg.norm(own.velocity)) <= STANDSTILL,
         )
@@ -244,7 +247,7 @@ class SwarmAgent:
 
     def _end_if_over(self, sample: int) -> None:
         """End when everyone knows that nothing is owed, a little later; or when time is up."""
-        own, brain = self._own, self._brain
+        own = self._own
         assert own is not None
         at_rest = float(np.linalg.norm(own.velocity)) <= STANDSTILL
         if sample * self._period >= self._limit_s:

@@ -104,6 +104,11 @@ class _Life:
             say=say,
         )
 
+    @property
+    def flies(self) -> bool:
+        """Whether it is neither dead nor done."""
+        return not self.dead and not self.agent.done
+
     def end(self) -> None:
         """Die without a word: nothing more is moved, recorded or sent."""
         self.dead = True
@@ -118,26 +123,27 @@ def _run(
 ) -> None:
     """Tick whoever is due next, in the order of the mission's agents at the same instant."""
     never, shown = Event(), -np.inf
-
-    def flying() -> list[SwarmAgent]:
-        return [life.agent for life in lives if not life.dead and not life.agent.done]
-
-    for agent in flying():
-        agent.startup()
-    while agents := flying():
-        due = min(agents, key=lambda agent: agent.next_time)
+    for life in lives:
+        life.agent.startup()
+    while flying := [life for life in lives if life.flies]:
+        due = min(flying, key=lambda life: life.agent.next_time)
+        time_s = due.agent.next_time
         for life in lives:
-            if not life.dead and due.next_time - life.agent.start_s >= deaths.get(life.agent.id, np.inf):
+            if time_s - life.agent.start_s >= deaths.get(life.agent.id, np.inf):
                 life.end()
-        if due not in flying():
+        if not due.flies:
             continue
-        clock.wait_until(due.next_time, never)
-        due.tick()
-        if watch and clock.now() > shown:
-            shown = clock.now()
-            watch[0].look()
-            if watch[0].status is not None:
-                watch[1](watch[0].status)
+        clock.wait_until(time_s, never)
+        due.agent.tick()
+        if watch and time_s > shown:
+            shown = time_s
+            _show(*watch)
     for life in lives:
         if not life.dead:
             life.agent.shutdown()
+
+
+def _show(observer: SwarmObserver, on_tick: Callable[[Status], None]) -> None:
+    observer.look()
+    if observer.status is not None:
+        on_tick(observer.status)

@@ -64,7 +64,7 @@ class SwarmObserver:
             epoch=0,
             seq=self._seq,
             phase=Phase.COMPLETE if all(word.own.complete for word in words) else Phase.FLYING,
-            mission_time_s=max(0.0, max(word.own.time_s for word in words)),
+            mission_time_s=max(0.0, *(word.own.time_s for word in words)),
             covered_count=max(0, self._cells - owed),
             cell_count=self._cells,
             present=sorted(self.words),

@@ -27,7 +27,7 @@ from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.summary import summarise
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from rich.console import Console
@@ -172,7 +172,9 @@ def run_laws(options: LawsOptions, out: Path | None, console: Console) -> list[L
     runs: list[LawRun] = []
     for run in in_parallel(fly_law, tasks, options.jobs):
         runs.append(run)
-        said = f"{len(runs)} of {len(tasks)}  {run.mission}, {LAWS[run.law]}, seed {run.seed}: {run.covered_percent:g} %"
+        said = (
+            f"{len(runs)} of {len(tasks)}  {run.mission}, {LAWS[run.law]}, seed {run.seed}: {run.covered_percent:g} %"
+        )
         console.print(f"{said}, took {run.wall_s:.1f} s", highlight=False, markup=False, soft_wrap=True)
     runs.sort(key=lambda run: (run.mission, run.law, run.seed))
     for mission in dict.fromkeys(run.mission for run in runs):
@@ -202,7 +204,7 @@ def _median(runs: Sequence[LawRun], name: str, form: str, scale: float = 1.0) ->
     return form.format(middle) if np.isfinite(middle) else "never"
 
 
-_ROWS = [
+_ROWS: list[tuple[str, Callable[[Sequence[LawRun]], str]]] = [
     ("everything covered", lambda runs: f"{sum(run.complete for run in runs)} of {len(runs)}"),
     ("time to 95 %", lambda runs: _median(runs, "time_to_95_s", "{:.1f} s")),
     ("time to 99 %", lambda runs: _median(runs, "time_to_99_s", "{:.1f} s")),

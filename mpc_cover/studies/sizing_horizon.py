@@ -63,6 +63,4 @@ def horizon_curve(problem: SizingProblem, agents: int, seeds: range, duration_s:
     every = np.array(parts)
     mean, spread = every.mean(axis=0), np.array([every.min(axis=0), every.max(axis=0)])
     error = model_error(problem, agents, time, mean)
-    return CoverageCurve(
-        agents, time, covered_fraction(problem, agents, time), mean, spread, np.array(rounds), error
-    )
+    return CoverageCurve(agents, time, covered_fraction(problem, agents, time), mean, spread, np.array(rounds), error)

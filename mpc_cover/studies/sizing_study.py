@@ -78,7 +78,9 @@ class SizingAnswer:
         if self.rate_hz is not None and self.agents_needed is not None:
             lines.append(f"{self.rate_hz:g} Hz takes {self.agents_needed} agents by the model (1.3)")
         for row in self.table:
-            turn = "seen at rest" if math.isinf(row.rate_hz) else f"{row.rate_hz:.4f} Hz, a round of {row.round_s:.1f} s"
+            turn = (
+                "seen at rest" if math.isinf(row.rate_hz) else f"{row.rate_hz:.4f} Hz, a round of {row.round_s:.1f} s"
+            )
             lines.append(f"N = {row.agents:3d}: {turn}; at rest {100.0 * row.at_rest:.1f} % are seen")
         for law, curves in (("potential law", self.potential), ("receding horizon", self.horizon)):
             for curve in curves:

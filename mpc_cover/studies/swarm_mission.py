@@ -1,4 +1,4 @@
-"""Missions in the simulation of chapters 5 and 6: the law as `control.potential_setup` has it, maps as the study asks."""
+"""Missions flown by the law in one process, as chapters 5 and 6 do: each agent's map as late as the study asks."""
 
 from __future__ import annotations
 

@@ -36,9 +36,10 @@ def thesis_page(folder: Path, parts: Sequence[PartResult], tallies: Sequence[See
 
 
 def _problems(parts: Sequence[PartResult], tallies: Sequence[SeedTally]) -> Iterator[str]:
-    found = [problem for each in (*parts, *tallies) for problem in each.problems]
+    found = [problem for part in parts for problem in part.problems]
+    found += [problem for tallied in tallies for problem in tallied.problems]
     if not found:
-        yield "<p>Everything was verified along the continuous path: limits, separation, connectivity. Nothing failed.</p>"
+        yield "<p>Limits, separation and connectivity were verified along the continuous path: nothing failed.</p>"
     for problem in found:
         yield f'<p class="bad">{escape(problem)}</p>'
 

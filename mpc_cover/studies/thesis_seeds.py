@@ -1,4 +1,4 @@
-"""Many seeds of a mission by the potential law, from random starts: in how many was everything measured?
+"""Many seeds of a mission by the potential law, from random starts, and in how many everything was measured.
 
 A line a run is appended as it is finished; a line that a kill tore off is flown again.
 """
@@ -60,8 +60,8 @@ class SeedTally(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def text(self) -> str:
         """A line."""
-        times = "" if self.median_s is None else f"; median {self.median_s:.1f} s, "
-        times += "" if self.median_s is None else "worst never" if self.worst_s is None else f"worst {self.worst_s:.1f} s"
+        worst = "never" if self.worst_s is None else f"{self.worst_s:.1f} s"
+        times = "" if self.median_s is None else f"; median {self.median_s:.1f} s, worst {worst}"
         return f"{self.key} ({', '.join(self.figures)}): {self.covered} of {self.flown} seeds covered everything{times}"
 
     def to_dict(self) -> dict[str, Any]:
