@@ -58,7 +58,7 @@ class PotentialAgent(Generic[M]):
     Attributes
     ----------
     known : the map, which over-estimates what is left.
-    newest : the newest state of each agent that was heard of, by index.
+    newest : the newest state of each agent that is known of, by index; before word of it its start, as sample -1.
 
     Raises
     ------
@@ -97,7 +97,8 @@ class PotentialAgent(Generic[M]):
             margin_m=parameters.lost_margin_m,
         )
         self._promised: dict[int, Report] = {}
-        self.newest: dict[int, Report] = {}
+        rest = np.zeros(fleet.dimension)
+        self.newest = {j: Report(j, -1, 0.0, at, rest) for j, at in enumerate(fleet.start) if j != index}
         self.known = known
         self._law_for(np.arange(fleet.size))
 
@@ -222,6 +223,7 @@ class PotentialAgent(Generic[M]):
         position, velocity = np.array([each.position for each in states]), np.array([each.velocity for each in states])
         kept = np.zeros((len(rows), len(rows)), dtype=bool)
         kept[np.ix_(heard, heard)] = self._law_for(rows[heard]).kept_edges(position[heard], velocity[heard])
+        self._keep_links(kept, rows, heard)
         me = int(np.flatnonzero(rows == self._index)[0])
         silent = [state for state, now in zip(states, heard, strict=True) if not now]
         wish = np.zeros_like(position)
@@ -230,6 +232,13 @@ class PotentialAgent(Generic[M]):
         if not self._double:
             return np.asarray((law.step(position, wish, kept)[me] - own.position) / self._parameters.period_s)
         return np.asarray(law.force(position, velocity, wish, kept, doubt)[me])
+
+    def _keep_links(self, kept: BoolArray, rows: IntArray, heard: BoolArray) -> None:
+        """Keep the mission's links (4.19) between those heard, too."""
+        place = {int(agent): row for row, agent in enumerate(rows) if heard[row]}
+        for one, two in self._fleet.links:
+            if one in place and two in place:
+                kept[place[one], place[two]] = kept[place[two], place[one]] = True
 
     def _wish(self, own: Report, near: tuple[IntArray, FloatArray, BoolArray], silent: list[Report]) -> FloatArray:
         """Return the velocity (d,) [m/s] that the law asks for among those heard, around those who are silent.

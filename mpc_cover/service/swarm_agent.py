@@ -114,6 +114,7 @@ class SwarmAgent:
 
     def startup(self) -> None:
         """Show presence."""
+        self._mark_start()
         self._transport.announce(self._alive_key)
         self.events.tell("waits", self._muster.text)
 
@@ -159,7 +160,13 @@ class SwarmAgent:
                 return
             self._begins_s = start
             self._body = held_body_of(self._mission, self._fleet, self._index, now, self._seed, self._recorder)
+            self._mark_start()
             self.events.tell("flies", "flies by the potential law")
+
+    def _mark_start(self) -> None:
+        if self._recorder:
+            start = self._mission.fleet.start[self._index]
+            self._recorder.mark(self._clock.now(), start, np.zeros_like(start))
 
     def _act(self, sample: int) -> None:
         """At t_sample: hold what was decided, and say where that leads and what was seen here."""
@@ -215,7 +222,8 @@ class SwarmAgent:
         reports = [(self._codec.report(word.own), word) for word in words]
         near = {report.agent for report, _ in reports if not report.promised and self._reaches(report, own)}
         for report, word in reports:
-            if report.agent not in near | self._in_range:
+            audible = near | self._in_range if report.promised else near  # promises came in the period before
+            if report.agent not in audible:
                 continue
             news = [self._codec.report(note) for note in word.news]
             sane = [each for each in (report, *news) if each.sample <= own.sample + FARTHEST_AHEAD]
@@ -263,10 +271,8 @@ class SwarmAgent:
     def _knows(self, agent: int) -> bool:
         """Return whether an agent knows that everything is covered, or has been silent for so long that it is gone."""
         assert self._own is not None
-        last = self._brain.newest.get(agent)
+        last = self._brain.newest[agent]
         patience = self._fleet.size + self._brain.lost_after + _GONE_AFTER
-        if last is None:
-            return self._own.sample > patience
         return last.complete or self._own.sample - last.sample > patience
 
     def _left(self) -> int:
