@@ -98,7 +98,8 @@ def demo(
 
     _check_speed(speed)
     _check_backend(backend)
-    potential, loaded = cli_swarm.is_potential(controller), _load(mission)
+    loaded = _load(mission)
+    potential = cli_swarm.flies_alone(controller, loaded)
     folder = RunFolder(out or default_folder(loaded), "demo", loaded)
     console = _console(as_json)
     fleet = f"{loaded.fleet.size} agents, {loaded.field.size} cells"
@@ -172,13 +173,13 @@ def agent(
     from mpc_cover.service.serving import AgentOptions, fly  # noqa: PLC0415
 
     _check_speed(speed)
-    if cli_swarm.is_potential(controller):
+    loaded = _load(mission)
+    if cli_swarm.flies_alone(controller, loaded):
         from mpc_cover.service.swarm_serving import fly_alone  # noqa: PLC0415
 
         options = AgentOptions(speed, record, with_parent, seed)
         network = _network(connect, listen, config, connect_timeout)
-        raise typer.Exit(fly_alone(_load(mission), agent_id, options, network))
-    loaded = _load(mission)
+        raise typer.Exit(fly_alone(loaded, agent_id, options, network))
     network = _network(connect, listen, config, connect_timeout, default_connect=DEFAULT_ENDPOINT)
     raise typer.Exit(fly(loaded, agent_id, AgentOptions(speed, record, with_parent, seed), network))
 
@@ -198,7 +199,8 @@ def simulate(
     from mpc_cover.service.simulate import simulate as run_simulation  # noqa: PLC0415
 
     _check_backend(backend)
-    potential, loaded = cli_swarm.is_potential(controller), _load(mission)
+    loaded = _load(mission)
+    potential = cli_swarm.flies_alone(controller, loaded)
     folder = RunFolder(out or default_folder(loaded), "simulate", loaded)
     console = _console(as_json)
     if potential:

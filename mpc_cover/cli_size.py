@@ -35,6 +35,7 @@ def size(
     from mpc_cover.studies.sizing_study import (  # noqa: PLC0415
         SizingOptions,
         draw_sizing,
+        make_folder,
         parse_numbers,
         sizing_problem,
     )
@@ -46,7 +47,10 @@ def size(
         console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     problem = sizing_problem(area, radius, speed, cover)
-    answer = answer_of(problem, SizingOptions(rate, parse_numbers(agents), seeds, horizon_seeds, seed), told)
+    options = SizingOptions(rate, parse_numbers(agents), seeds, horizon_seeds, seed)
+    if out is not None:
+        make_folder(out)
+    answer = answer_of(problem, options, told)
     told(answer.text)
     for file in draw_sizing(answer, out) if out is not None else []:
         told(f"written to {file}")

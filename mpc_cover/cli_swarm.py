@@ -18,17 +18,25 @@ if TYPE_CHECKING:
 CONTROLLERS = ("mpc", "potential")
 
 
-def is_potential(controller: str) -> bool:
-    """Return whether it is the potential law that flies.
+def flies_alone(controller: str, mission: Mission) -> bool:
+    """Return whether it is the potential law that flies, for which nobody is in charge.
 
     Raises
     ------
     UserError
-        There is no such controller.
+        There is no such controller, or it cannot fly the mission.
     """
     if controller not in CONTROLLERS:
         raise UserError(f"--controller {controller}: is none: must be one of {', '.join(CONTROLLERS)}")
-    return controller == "potential"
+    if controller == "potential":
+        from mpc_cover.control.potential_setup import check_flyable  # noqa: PLC0415 - others need not wait for it
+
+        check_flyable(mission)
+        return True
+    from mpc_cover.service.brain import require_double  # noqa: PLC0415 - likewise
+
+    require_double(mission)
+    return False
 
 
 def demo(

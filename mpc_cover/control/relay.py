@@ -47,13 +47,14 @@ class Relay:
         if before is None:
             return
         for agent, (first, earlier) in enumerate(zip(missing, before, strict=True)):
-            if first == earlier and first in self._log[agent]:
-                self._due.update((agent, sample) for sample in range(first, first + MOST_REPAIRS))
+            if first == earlier:
+                wanted = range(first, first + MOST_REPAIRS)
+                self._due.update((agent, sample) for sample in wanted if sample in self._log[agent])
 
     def take(self) -> list[Report]:
         """Return what to send now: news since the last call, and repairs."""
         fresh, self._news = self._news, []
         known = {(report.agent, report.sample) for report in fresh if not report.promised}
-        again = sorted(self._due - known)[:MOST_REPAIRS]
+        again = sorted(self._due - known, key=lambda due: (due[1], due[0]))[:MOST_REPAIRS]
         self._due.clear()
-        return fresh + [self._log[agent][sample] for agent, sample in again if sample in self._log[agent]]
+        return fresh + [self._log[agent][sample] for agent, sample in again]

@@ -73,9 +73,9 @@ class Surroundings:
 
         It braked with all its input, or with less over whole samples (`stopping_filter`).
         """
-        speed = float(np.linalg.norm(last.velocity))
-        if not self.double or speed == 0.0:
+        if not self.double:
             return last, 0.0
+        speed = float(np.linalg.norm(last.velocity))
         latest = self._stopping([last]).stop[0]
         soonest = last.position + 0.5 * speed / float(self.fleet.input_max[last.agent]) * last.velocity
         rest = replace(last, position=0.5 * (soonest + latest), velocity=np.zeros_like(last.velocity))

@@ -80,6 +80,19 @@ class LimitsSpeed(Protocol):
         ...
 
 
+def require_double(mission: Mission) -> None:
+    """Refuse single integrators, for whom nobody plans.
+
+    Raises
+    ------
+    UserError
+        The mission's agents are single integrators.
+    """
+    if mission.spec.fleet.dynamics == "single":
+        right = "plans are for double integrators: fly it with --controller potential"
+        raise UserError(f"mission {mission.spec.name}: fleet.dynamics single: {right}")
+
+
 def make_brain(mission: Mission, backend: str, seed: int) -> Brain:
     """Return the receding-horizon controller; importing it takes as long as its solvers take.
 
@@ -88,11 +101,7 @@ def make_brain(mission: Mission, backend: str, seed: int) -> Brain:
     UserError
         The mission's agents are single integrators.
     """
-    if mission.spec.fleet.dynamics == "single":
-        raise UserError(
-            f"mission {mission.spec.name}: fleet.dynamics single: plans are for double integrators: fly it with "
-            "--controller potential"
-        )
+    require_double(mission)
     from mpc_cover.control.receding_horizon import RecedingHorizon  # noqa: PLC0415 - heavy, agents never need it
 
     brain: Brain = RecedingHorizon(mission, backend=backend, seed=seed)

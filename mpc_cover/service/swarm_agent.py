@@ -121,7 +121,10 @@ class SwarmAgent:
     @property
     def next_time(self) -> float:
         """When the next tick is due [s]."""
-        return self._muster.next_time if self._body is None else self._begins_s + 0.5 * self._tick * self._period
+        if self._body is not None:
+            return self._begins_s + 0.5 * self._tick * self._period
+        start = self._muster.start_s
+        return self._muster.next_time if start is None else min(self._muster.next_time, start - 2.0 * self._period)
 
     @property
     def start_s(self) -> float:
@@ -152,12 +155,12 @@ class SwarmAgent:
         """Muster until the start is agreed on and one period away."""
         self._muster.tick()
         now, start = self._clock.now(), self._muster.start_s
-        if any(True for _ in self._words()):
-            self._give_up("late", "the others fly already: this agent has come too late")
-        elif start is not None and now >= start - 2.0 * self._period:
-            if now > start:
-                self._give_up("late", "heard of the start after it: this agent has come too late")
-                return
+        if start is None:
+            if self._words():
+                self._give_up("late", "the others fly already: this agent has come too late")
+        elif now > start:
+            self._give_up("late", "heard of the start after it: this agent has come too late")
+        elif now >= start - 2.0 * self._period:
             self._begins_s = start
             self._body = held_body_of(self._mission, self._fleet, self._index, now, self._seed, self._recorder)
             self._mark_start()

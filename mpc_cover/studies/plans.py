@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from mpc_cover.errors import UnreadableFileError, UserError
 from mpc_cover.mission.load import load_mission
 from mpc_cover.planning.offline import PlanOptions, plan_mission
+from mpc_cover.service.brain import require_double
 from mpc_cover.trajectory import save_trajectory
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.summary import RunSummary, summarise
@@ -55,9 +56,7 @@ def plan_files(
 
 def _plannable(name: str) -> Mission:
     mission = load_mission(name)
-    if mission.spec.fleet.dynamics == "single":
-        right = "plans are for double integrators: fly it with mpc-cover simulate --controller potential"
-        raise UserError(f"mission {name}: fleet.dynamics single: {right}")
+    require_double(mission)
     return mission
 
 

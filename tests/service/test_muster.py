@@ -10,7 +10,6 @@ from mpc_cover.service.bus import Quality
 from mpc_cover.service.local import LocalBus
 from mpc_cover.service.swarm_agent import SwarmAgent
 
-
 HISTORYLESS = Quality("DATA")
 
 
@@ -29,7 +28,10 @@ class Ground:
 
     def wait(self, seconds):
         until = self.clock.now() + seconds
-        while (due := min(self.agents, key=lambda agent: agent.next_time)).next_time <= until:
+        while flying := [agent for agent in self.agents if not agent.done]:
+            due = min(flying, key=lambda agent: agent.next_time)
+            if due.next_time > until:
+                break
             self.clock.wait_until(due.next_time, Event())
             due.tick()
         self.clock.wait_until(until, Event())
@@ -59,6 +61,18 @@ def test_word_gets_round_a_chain_in_which_the_ends_do_not_hear_each_other():
     ground.wait(8.0)
     assert len({agent.start_s for agent in agents}) == 1
     assert agents[0].start_s < ground.clock.now()
+
+
+@pytest.mark.parametrize("speed", [0.2, 1.0, 20.0])
+def test_all_begin_in_time_however_fast_the_clock_is(speed):
+    ground = Ground(swarm_mission())
+    for name in ("a1", "a2", "a3"):
+        ground.add(name, speed=speed)
+        ground.wait(0.037 * speed)
+    ground.wait(4.0 * speed + 2.0)
+    assert all(agent.exit_status != 1 for agent in ground.agents)
+    assert len({agent.start_s for agent in ground.agents}) == 1
+    assert ground.agents[0].start_s < ground.clock.now()
 
 
 @pytest.mark.parametrize(

@@ -47,5 +47,3 @@ def test_agents_killed_before_the_start_are_not_waited_for_for_ever(start):  # n
     os.kill(demo.pids()["a2"], signal.SIGKILL)
     summary = demo.end(1)
     assert "a2 died" in summary["outcome"] or "without a2" in summary["outcome"]
-
-
