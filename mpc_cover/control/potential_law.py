@@ -21,7 +21,7 @@ from mpc_cover.control.potential import (
 )
 from mpc_cover.control.safe_sets import SafeSets, enclosing_diameters, safe_sets
 from mpc_cover.control.step_filter import filter_steps
-from mpc_cover.control.stopping_filter import filter_forces, stopping_balls
+from mpc_cover.control.stopping_filter import LESS, filter_forces, stopping_balls
 from mpc_cover.control.tracking import limited, track
 from mpc_cover.information.delay import adjacency
 
@@ -182,8 +182,8 @@ class PotentialLaw:
         speed = self._bounds.speed_max
         ahead = self._period * speed
         if self._bounds.input_max is not None:
-            still = np.zeros((len(speed), 1))
-            ahead = ahead + 2.0 * stopping_balls(still, speed[:, None], self._bounds.input_max, self._period).radius
+            still, fastest = np.zeros((len(speed), 1)), LESS * speed[:, None]
+            ahead = ahead + 2.0 * stopping_balls(still, fastest, self._bounds.input_max, self._period).radius
         need = self._coordination.separation_m + float(np.sort(ahead)[-2:].sum())
         if need > self._coordination.range_m:
             raise ValueError(

@@ -7,6 +7,7 @@ from swarm_missions import swarm_mission
 
 from mpc_cover.errors import UserError
 from mpc_cover.information.delay import adjacency
+from mpc_cover.mission.load import load_mission
 from mpc_cover.service.radio import Codec
 from mpc_cover.service.swarm_simulate import fly_swarm
 from mpc_cover.trajectory import save_trajectory
@@ -65,6 +66,13 @@ def test_the_others_finish_without_one_and_stay_together(who, time_s):
     assert flight.lost == (who,)
     assert holds(flight), "separation from the dead, connectivity of the others"
     assert np.isfinite(flight.trajectory.covered_at).all()
+
+
+def test_space_has_room_for_it_too():
+    """Three dimensions, and a range that just suffices to hear whom one could meet."""
+    flight = fly_swarm(load_mission("volume-3"), seed=0)
+    assert flight.complete
+    assert holds(flight)
 
 
 def test_two_may_die_and_the_last_one_finishes():
