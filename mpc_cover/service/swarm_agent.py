@@ -4,32 +4,28 @@ The samples are t_k = t_0 + k T_s by the clock that all share. At t_k it acts on
 that leads to at t_(k+1), where it looked at t_k, and what news it has. Half a period later it has heard the states
 of its neighbours at t_(k+1), decides on its input from there on, and promises where that leads. So a word has half
 a period to arrive, and whoever comes too late makes its neighbours brake, which is safe (`control.hearing`).
-
-What those out of range say is dropped by the receiver, by the positions at t_(k+1), as a radio would.
 """
 
 from __future__ import annotations
 
 import time
 import uuid
-from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.control.potential_setup import check_flyable, make_agent
 from mpc_cover.service import bus
-from mpc_cover.service.decoding import Reason, RejectedError
 from mpc_cover.service.events import EventLog
-from mpc_cover.service.fingerprint import mission_hash
 from mpc_cover.service.flight import SNAP_S, STANDSTILL
 from mpc_cover.service.held_body import HeldBody, held_body_of
-from mpc_cover.service.keys import Keys, agent_of
-from mpc_cover.service.messages import encode
+from mpc_cover.service.keys import Keys
 from mpc_cover.service.muster import Muster
-from mpc_cover.service.radio import FARTHEST_AHEAD, Codec, Word
+from mpc_cover.service.radio import FARTHEST_AHEAD
+from mpc_cover.service.radio_link import RadioLink
 
 if TYPE_CHECKING:
+    from collections import Counter
     from collections.abc import Callable
 
     from mpc_cover.arrays import FloatArray
@@ -37,10 +33,9 @@ if TYPE_CHECKING:
     from mpc_cover.control.report import Report
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.bus import Transport
+    from mpc_cover.service.decoding import Reason
     from mpc_cover.service.recorder import Recorder
 
-_DEPTH = 4096
-WORD = bus.Quality("INTERACTIVE_HIGH")
 _GONE_AFTER = 6
 """Samples beyond the way of a word and the silence of the lost after which someone is done without."""
 
@@ -60,7 +55,6 @@ class SwarmAgent:
     ----------
     exit_status : 0 once it knows that everything is covered, 1 when time is up or it came too late; None before.
     decide_s : what each decision took [s].
-    sent : messages and bytes sent in flight.
 
     Raises
     ------
@@ -84,32 +78,27 @@ class SwarmAgent:
         self.id, self.instance = agent_id, instance or uuid.uuid4().hex
         self.done = False
         self.exit_status: int | None = None
-        self.rejected: Counter[Reason] = Counter()
         self.decide_s: list[float] = []
-        self.sent: Counter[str] = Counter()
-        self._mission, self._hash, self._clock, self._transport = mission, mission_hash(mission), clock, transport
+        self._mission, self._clock, self._transport = mission, clock, transport
         self._index = mission.fleet.ids.index(agent_id)
         self._fleet = check_flyable(mission)
         self._brain = make_agent(mission, self._index, seed)
         self._seed, self._recorder = seed, recorder
         self._period = mission.spec.control.period_s
         self._limit_s = mission.spec.control.time_limit_s
-        self._codec = Codec(mission)
         keys = Keys(mission.spec.name)
         self.events = EventLog(agent_id, transport.publisher(keys.agent_event(agent_id), bus.EVENT), clock, say)
-        self._said = transport.publisher(keys.word(agent_id), WORD)
-        self._heard = transport.inbox(keys.word(), _DEPTH)
         self._alive_key = keys.agent_alive(agent_id)
         identity = (agent_id, self.instance)
+        self._radio = RadioLink(mission, identity, transport, self.events)
         self._muster = Muster(
-            mission, identity, transport, clock, self._codec, seed=seed, speed=speed, events=self.events
+            mission, identity, transport, clock, self._radio.codec, seed=seed, speed=speed, events=self.events
         )
         self._body: HeldBody | None = None
         self._begins_s = 0.0
         self._tick = -2  # of half periods: sample k at 2 k, its decision at 2 k + 1
         self._own: Report | None = None
         self._command: FloatArray | None = None
-        self._in_range: frozenset[int] = frozenset()
         self._lingers: int | None = None
 
     def startup(self) -> None:
@@ -125,6 +114,16 @@ class SwarmAgent:
             return self._begins_s + 0.5 * self._tick * self._period
         start = self._muster.start_s
         return self._muster.next_time if start is None else min(self._muster.next_time, start - 2.0 * self._period)
+
+    @property
+    def sent(self) -> Counter[str]:
+        """Messages and bytes sent in flight."""
+        return self._radio.sent
+
+    @property
+    def rejected(self) -> Counter[Reason]:
+        """Words that were turned away, by reason."""
+        return self._radio.rejected
 
     @property
     def start_s(self) -> float:
@@ -156,7 +155,7 @@ class SwarmAgent:
         self._muster.tick()
         now, start = self._clock.now(), self._muster.start_s
         if start is None:
-            if self._words():
+            if self._radio.drain():
                 self._give_up("late", "the others fly already: this agent has come too late")
         elif now > start:
             self._give_up("late", "heard of the start after it: this agent has come too late")
@@ -199,62 +198,24 @@ class SwarmAgent:
         self.decide_s.append(time.perf_counter() - begun)
         self._speak(self._brain.promise(self._own, self._command), [])
 
-    def _words(self) -> list[Word]:
-        """Return what was said by others since last time, whoever they are."""
-        words = []
-        for item in self._heard.drain():
-            try:
-                word = self._codec.word(item.payload)
-                self._check_sender(word, agent_of(item.key))
-            except RejectedError as error:
-                self._reject(error)
-            else:
-                if word.agent != self.id:
-                    words.append(word)
-        return words
-
-    def _check_sender(self, word: Word, sender: str) -> None:
-        if word.agent != sender:
-            raise RejectedError(Reason.WRONG_AGENT, f"{word.agent} speaks on the key of {sender}")
-        if word.mission != self._hash:
-            raise RejectedError(Reason.WRONG_INSTANCE, f"{word.agent} flies another mission")
-
     def _listen(self, own: Report) -> None:
         """Take in what those in range have said."""
-        words = [word for word in self._words() if abs(word.start_s - self._begins_s) < SNAP_S]
-        reports = [(self._codec.report(word.own), word) for word in words]
-        near = {report.agent for report, _ in reports if not report.promised and self._reaches(report, own)}
-        for report, word in reports:
-            audible = near | self._in_range if report.promised else near  # promises came in the period before
-            if report.agent not in audible:
-                continue
-            news = [self._codec.report(note) for note in word.news]
+        for report, word in self._radio.hear(own, self._begins_s):
+            news = [self._radio.codec.report(note) for note in word.news]
             sane = [each for each in (report, *news) if each.sample <= own.sample + FARTHEST_AHEAD]
             self._brain.hear(each for each in sane if each.agent != self._index)
             if word.missing:
                 self._brain.hear_lack(report.agent, word.missing)
-        self._in_range = frozenset(near)
-
-    def _reaches(self, report: Report, own: Report) -> bool:
-        away = float(np.linalg.norm(report.position - own.position))
-        return away <= self._mission.fleet.communication_range
 
     def _speak(self, own: Report, news: list[Report]) -> None:
-        known = self._brain.known
-        word = Word(
-            agent=self.id,
-            instance=self.instance,
-            mission=self._hash,
+        self._radio.say(
+            own,
+            news,
             start_s=self._begins_s,
-            own=self._codec.note(own),
-            news=tuple(self._codec.note(each) for each in news),
             missing=() if own.promised else tuple(self._brain.missing),
-            owed=int(known.owed.any(axis=0).sum()),
+            owed=self._left(),
             at_rest=float(np.linalg.norm(own.velocity)) <= STANDSTILL,
         )
-        payload = encode(word)
-        self.sent.update(messages=1, bytes=len(payload))
-        self._said.publish(payload)
 
     def _end_if_over(self, sample: int) -> None:
         """End when everyone knows that nothing is owed, a little later; or when time is up."""
@@ -284,7 +245,3 @@ class SwarmAgent:
     def _give_up(self, kind: str, text: str) -> None:
         self.events.tell(kind, text)
         self.done, self.exit_status = True, 1
-
-    def _reject(self, error: RejectedError) -> None:
-        self.rejected[error.reason] += 1
-        self.events.tell(error.reason.name.lower(), f"ignores a word: {error}")
