@@ -20,6 +20,7 @@ import numpy as np
 from mpc_cover.control.detour import detour
 from mpc_cover.control.escape import Escape
 from mpc_cover.control.hearing import Hearing
+from mpc_cover.control.late_looks import LateLooks
 from mpc_cover.control.potential_law import Bounds, PotentialLaw, random_signal
 from mpc_cover.control.relay import Relay
 from mpc_cover.control.report import Report
@@ -81,11 +82,11 @@ class PotentialAgent(Generic[M]):
         double: bool = True,
     ) -> None:
         self._fleet, self._field, self._index, self._rng = fleet, field, index, rng
-        self._sensing, self._parameters, self._coordination = sensing, parameters, coordination
+        self._parameters, self._coordination = parameters, coordination
         self._double = double
         self._able = (fleet.radius[index] > 0.0).astype(float)
         self._heard = HeardMap(known, fleet.size)
-        self._held: dict[int, list[Report]] = {}
+        self._looks = LateLooks(known, sensing, parameters.delay)
         self._escape = Escape(order, parameters.patience)
         self._hearing = Hearing(fleet, index, parameters.period_s, parameters.lost_after)
         self._relay = Relay(fleet.size)
@@ -119,22 +120,16 @@ class PotentialAgent(Generic[M]):
             if not self._heard.note(report.agent, report.sample):
                 continue
             self._relay.learn(report)
-            self._look(report)
+            self._looks.hear(report, self._own_sample)
             known = self.newest.get(report.agent)
             if known is None or report.sample > known.sample:
                 self.newest[report.agent] = report
                 self.lost[report.agent] = False
 
-    def _look(self, report: Report) -> None:
-        """Take in what was looked at, late where a delay is asked for."""
-        if report.looked is None:
-            return
-        due = report.sample + (self._parameters.delay if report.agent != self._index else 0)
+    @property
+    def _own_sample(self) -> int:
         own = self.newest.get(self._index)
-        if report.agent != self._index and self._parameters.delay > 0 and (own is None or own.sample < due):
-            self._held.setdefault(due, []).append(report)
-            return
-        self.known.take(self._sensing.looks(report.looked_s, report.looked[None], np.array([report.agent])))
+        return -1 if own is None else own.sample
 
     @property
     def lost_after(self) -> int:
@@ -167,12 +162,8 @@ class PotentialAgent(Generic[M]):
         `looked` is when [s] and where (d,) [m] the agent has looked around; left out, at this sample.
         """
         when, where = (time_s, position) if looked is None else looked
-        if where is not None:
-            self.known.take(self._sensing.looks(when, where[None], np.array([self._index])))
-        for due in [due for due in self._held if due <= sample]:
-            for late in self._held.pop(due):
-                assert late.looked is not None, "it is held back for its looks"
-                self.known.take(self._sensing.looks(late.looked_s, late.looked[None], np.array([late.agent])))
+        self._looks.take(self._index, when, where)
+        self._looks.catch_up(sample)
         own = Report(
             self._index,
             sample,
@@ -191,17 +182,13 @@ class PotentialAgent(Generic[M]):
 
     def promise(self, own: Report, command: FloatArray) -> Report:
         """Return the state that an input (d,), as `decide` gives it, leads to; to be sent before it is applied."""
-        position, velocity = self.after(own, command)
-        after = own.time_s + self._parameters.period_s
-        return Report(self._index, own.sample + 1, after, position, velocity, promised=True)
-
-    def after(self, own: Report, command: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return position and velocity (d,) a period later."""
         period = self._parameters.period_s
-        if not self._double:
-            return own.position + period * command, np.zeros_like(command)
-        position = own.position + period * own.velocity + 0.5 * period**2 * command
-        return position, own.velocity + period * command
+        if self._double:
+            position = own.position + period * own.velocity + 0.5 * period**2 * command
+            velocity = own.velocity + period * command
+        else:
+            position, velocity = own.position + period * command, np.zeros_like(command)
+        return Report(self._index, own.sample + 1, own.time_s + period, position, velocity, promised=True)
 
     def brake(self, own: Report) -> FloatArray:
         """Return the input (d,) that brakes, for which everyone's sets leave room."""
