@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mpc_cover import cli_bench, cli_study
+from mpc_cover import cli_bench, cli_size, cli_study, cli_swarm
 from mpc_cover.errors import UserError
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ app = typer.Typer(
 )
 app.add_typer(cli_bench.app)
 app.add_typer(cli_study.app)
+app.command()(cli_size.size)
 
 MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission file (YAML), or the name of one that comes along, as box-3.")
@@ -43,6 +44,9 @@ OptionalMission = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission file (YAML), or the name of one that comes along.")
 ]
 Backend = Annotated[str, typer.Option("--backend", metavar="NAME", help="QP back-end: piqp, clarabel or osqp.")]
+Controller = Annotated[
+    str, typer.Option("--controller", metavar="NAME", help="mpc, or potential: no controller, each agent by itself.")
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of whatever is random.")]
 Speed = Annotated[float, typer.Option("--speed", help="Mission seconds that pass in a second; the same for all.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Run folder; default runs/MISSION-TIME.")]
@@ -90,6 +94,7 @@ def demo(
     backend: Backend = "piqp",
     speed: Speed = 1.0,
     kill: Kill = None,
+    controller: Controller = "mpc",
     as_json: Json = False,
 ) -> None:
     """Fly a mission with a controller and its agents as real processes over Zenoh on loopback."""
@@ -101,10 +106,15 @@ def demo(
     _check_backend(backend)
     loaded = _load(mission)
     deaths = parse_kills(kill or [], loaded)
+    potential = cli_swarm.flies_alone(controller, loaded)
     folder = RunFolder(out or default_folder(loaded), "demo", loaded)
     console = _console(as_json)
     fleet = f"{loaded.fleet.size} agents, {loaded.field.size} cells"
     console.print(f"{loaded.spec.name}: {fleet}; run folder {folder.path}", highlight=False, markup=False)
+    if potential:
+        summary, extra, status = cli_swarm.demo(loaded, folder, console, seed=seed, speed=speed, deaths=deaths)
+        _finish(console, summary, extra, as_json, where=folder.path)
+        raise typer.Exit(status)
     result = run_demo(loaded, DemoOptions(backend, seed, speed, deaths), folder, console)
     extra = {
         "folder": str(folder.path),
@@ -159,14 +169,25 @@ def agent(
     record: Annotated[Path | None, typer.Option("--record", help="Write the exact motion here.")] = None,
     seed: Seed = 0,
     speed: Speed = 1.0,
+    controller: Controller = "mpc",
     with_parent: WithParent = False,
 ) -> None:
-    """Be one simulated agent: fly the plans that come, each to its end at rest, until a signal comes."""
+    """Be one simulated agent: fly the plans that come, each to its end at rest, until a signal comes.
+
+    With --controller potential no plans come: it flies by the potential law on what it hears from the others, and ends
+    when all know that everything is covered. Without endpoints the agents of a mission find each other on loopback.
+    """
     from mpc_cover.service.network import DEFAULT_ENDPOINT  # noqa: PLC0415
     from mpc_cover.service.serving import AgentOptions, fly  # noqa: PLC0415
 
     _check_speed(speed)
     loaded = _load(mission)
+    if cli_swarm.flies_alone(controller, loaded):
+        from mpc_cover.service.swarm_serving import fly_alone  # noqa: PLC0415
+
+        options = AgentOptions(speed, record, with_parent, seed)
+        network = _network(connect, listen, config, connect_timeout)
+        raise typer.Exit(fly_alone(loaded, agent_id, options, network))
     network = _network(connect, listen, config, connect_timeout, default_connect=DEFAULT_ENDPOINT)
     raise typer.Exit(fly(loaded, agent_id, AgentOptions(speed, record, with_parent, seed), network))
 
@@ -178,6 +199,7 @@ def simulate(
     seed: Seed = 0,
     backend: Backend = "piqp",
     kill: Kill = None,
+    controller: Controller = "mpc",
     as_json: Json = False,
 ) -> None:
     """Fly the same closed loop in one process on a virtual clock: no network, the same result every time."""
@@ -189,8 +211,13 @@ def simulate(
     _check_backend(backend)
     loaded = _load(mission)
     deaths = parse_kills(kill or [], loaded)
+    potential = cli_swarm.flies_alone(controller, loaded)
     folder = RunFolder(out or default_folder(loaded), "simulate", loaded)
     console = _console(as_json)
+    if potential:
+        summary, extra, status = cli_swarm.simulate(loaded, folder, console, seed=seed, deaths=deaths)
+        _finish(console, summary, extra, as_json, where=folder.path)
+        raise typer.Exit(status)
     with Progress(console) as progress:
         result = run_simulation(loaded, backend=backend, seed=seed, deaths=deaths, on_tick=progress.show)
     times = step_times_of([step.tick_time_s for step in result.steps if step.kind == "step"])

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from mpc_cover import cli_thesis
 from mpc_cover.errors import UserError
 
 app = typer.Typer(
@@ -23,6 +24,10 @@ app = typer.Typer(
 Missions = Annotated[
     list[str], typer.Argument(metavar="MISSION...", help="Mission files (YAML), or names of those that come along.")
 ]
+
+
+app.command()(cli_thesis.thesis)
+app.command()(cli_thesis.laws)
 
 
 @app.callback()

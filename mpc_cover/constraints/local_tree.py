@@ -54,6 +54,21 @@ def local_choices(weight: FloatArray, reach: float) -> BoolArray:
     return chosen
 
 
+def spare_choices(weight: FloatArray, reach: float) -> BoolArray:
+    """Return (m, m): edges that agent i (row) keeps so that the loss of any one agent leaves the others connected.
+
+    They are its choices in its neighbourhood, and those in its neighbourhood without each one of its neighbours. So
+    the edges kept contain the minimum spanning tree of the fleet and, by the same argument, that of the fleet without
+    any one agent: whoever could be done without remains so. Arguments as those of `local_choices`.
+    """
+    chosen = local_choices(weight, reach)
+    for lost in range(weight.shape[0]):
+        without = weight.copy()
+        without[lost] = without[:, lost] = np.nan
+        chosen |= local_choices(without, reach)
+    return chosen
+
+
 def edge_ranks(weight: FloatArray, reach: float) -> IntArray:
     """Return (m, m): the place of each edge in the total order (weight, lower agent, higher agent).
 

@@ -4,83 +4,39 @@ Once a sample every agent sends its state and the news that it has not passed on
 decides on its input, and promises the state that it leads to before it applies it. What an agent knows of those
 farther away is as old as the way is long (5.2.1.1).
 
-Silence is harmless as long as nobody acts on it: an agent that misses a neighbour's state of this sample brakes,
-for which the neighbour's safe set leaves room (`stopping_filter`), and so does one that a neighbour has not heard, by
-that neighbour's own word. A neighbour that stays silent is taken for lost: by then it is at rest, in the stopping
-ball of the state it promised last. Whoever is known, but neither heard nor waited for, is an obstacle where it was
-heard of last, and no part of the tree.
+Whoever is silent makes its neighbours brake (`hearing`), and is taken for lost in the end: by then it is at rest, in
+the stopping ball of its last state, or of the state that it promised after that. Whoever is known, but neither heard
+nor waited for, is an obstacle in both, and no part of the tree.
 What is assumed: two agents hear each other once between rho_C and the distance at which they could meet.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
+from mpc_cover.control.detour import detour
 from mpc_cover.control.escape import Escape
-from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw, random_signal
-from mpc_cover.control.stopping_filter import stopping_balls
+from mpc_cover.control.hearing import Hearing
+from mpc_cover.control.late_looks import LateLooks
+from mpc_cover.control.potential_law import Bounds, PotentialLaw, random_signal
+from mpc_cover.control.relay import Relay
+from mpc_cover.control.report import Report
+from mpc_cover.control.surroundings import Surroundings
 from mpc_cover.information.delayed_map import HeardMap, TakesLooks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
+    from mpc_cover.control.agent_parameters import AgentParameters
     from mpc_cover.control.potential import Coordination
     from mpc_cover.information.looks import Sensing
     from mpc_cover.mission.field import Field
     from mpc_cover.mission.fleet import Fleet
 
-
-@dataclass(frozen=True, eq=False)
-class Report:
-    """An agent's state at a sample: what is sent, and relayed.
-
-    Attributes
-    ----------
-    agent : index in the fleet.
-    sample : 0, 1, ...
-    time_s : mission time [s].
-    position, velocity : (d,) [m], [m/s].
-    heard : whose state of the sample before the agent knew when it decided then.
-    promised : whether the state is one to come, made known before the agent acts on it.
-    """
-
-    agent: int
-    sample: int
-    time_s: float
-    position: FloatArray
-    velocity: FloatArray
-    heard: frozenset[int] = frozenset()
-    promised: bool = False
-
-
-@dataclass(frozen=True)
-class AgentParameters:
-    """How an agent runs the law.
-
-    Attributes
-    ----------
-    law : its tuning; the edges kept are always the agent's own choice, for which it needs no one's word.
-    period_s : T_s.
-    patience : samples without news after which one cell counts only (`escape`).
-    lost_after : samples of silence after which a neighbour is taken for lost; it must be at rest by then.
-    lost_margin_m : how far a lost agent may be outside that ball. 0 where silence means that its process has
-        ended and it braked; where a radio may fail one way, it had two more samples to act: 2 T_s v_max and the
-        braking distance.
-    """
-
-    law: LawParameters
-    period_s: float
-    patience: int = 20
-    lost_after: int = 6
-    lost_margin_m: float = 0.0
-
-
-_LEAVES_AFTER = 2
-"""Samples for which a silent neighbour is expected that may just have left the range."""
 
 M = TypeVar("M", bound=TakesLooks)
 
@@ -98,11 +54,17 @@ class PotentialAgent(Generic[M]):
     parameters : how to run.
     order : (K,) the fleet's common order of escapes.
     rng : of this agent's random signal.
+    double : double integrators, or single ones, whose input is their velocity.
 
     Attributes
     ----------
     known : the map, which over-estimates what is left.
-    lost : (m,) who is taken for lost.
+    newest : the newest state of each agent that is known of, by index; before word of it its start, as sample -1.
+
+    Raises
+    ------
+    ValueError
+        Two agents that do not hear each other could meet within a step.
     """
 
     def __init__(
@@ -117,22 +79,34 @@ class PotentialAgent(Generic[M]):
         parameters: AgentParameters,
         order: IntArray,
         rng: np.random.Generator,
+        double: bool = True,
     ) -> None:
         self._fleet, self._field, self._index, self._rng = fleet, field, index, rng
-        self._sensing, self._parameters, self._coordination = sensing, parameters, coordination
+        self._parameters, self._coordination = parameters, coordination
+        self._double = double
         self._able = (fleet.radius[index] > 0.0).astype(float)
         self._heard = HeardMap(known, fleet.size)
+        self._looks = LateLooks(known, sensing, parameters.delay)
         self._escape = Escape(order, parameters.patience)
-        self._newest: dict[int, Report] = {}
+        self._hearing = Hearing(fleet, index, parameters.period_s, parameters.lost_after)
+        self._relay = Relay(fleet.size)
+        self._surroundings = Surroundings(
+            fleet,
+            parameters.period_s,
+            double=double,
+            lost_after=parameters.lost_after,
+            margin_m=parameters.lost_margin_m,
+        )
         self._promised: dict[int, Report] = {}
-        self._news: list[Report] = []
-        self._reach = fleet.communication_range
-        self._near: set[int] = set()
-        self._leaving: set[int] = set()
-        self._silence: IntArray = np.zeros(fleet.size, dtype=np.intp)
-        self._heard_before: frozenset[int] = frozenset()
+        rest = np.zeros(fleet.dimension)
+        self.newest = {j: Report(j, -1, 0.0, at, rest) for j, at in enumerate(fleet.start) if j != index}
         self.known = known
-        self.lost: BoolArray = np.zeros(fleet.size, dtype=bool)
+        self._law_for(np.arange(fleet.size))
+
+    @property
+    def lost(self) -> BoolArray:
+        """(m,) who is taken for lost."""
+        return self._hearing.lost
 
     def hear(self, reports: Iterable[Report]) -> None:
         """Take what a neighbour sent: its own state or promise, and its news. Repeats and old ones do no harm."""
@@ -141,89 +115,145 @@ class PotentialAgent(Generic[M]):
                 last = self._promised.get(report.agent)
                 if last is None or report.sample > last.sample:
                     self._promised[report.agent] = report
-                    self._news.append(report)
+                    self._relay.learn(report)
                 continue
-            looks = self._sensing.looks(report.time_s, report.position[None], np.array([report.agent]))
-            if not self._heard.hear(report.agent, report.sample, looks):
+            if not self._heard.note(report.agent, report.sample):
                 continue
-            self._news.append(report)
-            known = self._newest.get(report.agent)
+            self._relay.learn(report)
+            self._looks.hear(report, self._own_sample)
+            known = self.newest.get(report.agent)
             if known is None or report.sample > known.sample:
-                self._newest[report.agent] = report
+                self.newest[report.agent] = report
                 self.lost[report.agent] = False
 
-    def news(self) -> list[Report]:
-        """Return what was learnt since the last call, to be sent to the neighbours with the own state."""
-        fresh, self._news = self._news, []
-        return fresh
+    @property
+    def _own_sample(self) -> int:
+        own = self.newest.get(self._index)
+        return -1 if own is None else own.sample
 
-    def report(self, sample: int, time_s: float, position: FloatArray, velocity: FloatArray) -> Report:
-        """Return the own state as it is sent, and take it in."""
-        own = Report(self._index, sample, time_s, position, velocity, self._heard_before)
-        self.hear([own])
+    @property
+    def lost_after(self) -> int:
+        """Samples of silence after which a neighbour is taken for lost."""
+        return self._parameters.lost_after
+
+    @property
+    def missing(self) -> list[int]:
+        """(m,) the first sample of each agent that has not been heard."""
+        return [self._heard.missing(agent) for agent in range(self._fleet.size)]
+
+    def hear_lack(self, neighbour: int, missing: Sequence[int]) -> None:
+        """Note what a neighbour says that it lacks: its `missing`."""
+        self._relay.lacks(neighbour, missing)
+
+    def news(self) -> list[Report]:
+        """Return what was learnt since the last call and what neighbours lack, to be sent with the own state."""
+        return self._relay.take()
+
+    def report(
+        self,
+        sample: int,
+        time_s: float,
+        position: FloatArray,
+        velocity: FloatArray,
+        looked: tuple[float, FloatArray | None] | None = None,
+    ) -> Report:
+        """Return the own state as it is sent, and take it in.
+
+        `looked` is when [s] and where (d,) [m] the agent has looked around; left out, at this sample.
+        """
+        when, where = (time_s, position) if looked is None else looked
+        self._looks.take(self._index, when, where)
+        self._looks.catch_up(sample)
+        own = Report(
+            self._index,
+            sample,
+            time_s,
+            position,
+            velocity,
+            self._hearing.heard_before,
+            looked=where,
+            looked_s=when,
+            complete=not (self.known.residual > 0.0).any(),
+        )
+        self._heard.note(self._index, sample)
+        self._relay.keep(own)
+        self.newest[self._index] = own
         return own
 
-    def promise(self, own: Report, force: FloatArray) -> Report:
-        """Return the state that an input (d,) [m/s^2] leads to, to be sent before it is applied."""
+    def promise(self, own: Report, command: FloatArray) -> Report:
+        """Return the state that an input (d,), as `decide` gives it, leads to; to be sent before it is applied."""
         period = self._parameters.period_s
-        position = own.position + period * own.velocity + 0.5 * period**2 * force
-        after = own.time_s + period
-        return Report(self._index, own.sample + 1, after, position, own.velocity + period * force, promised=True)
+        if self._double:
+            position = own.position + period * own.velocity + 0.5 * period**2 * command
+            velocity = own.velocity + period * command
+        else:
+            position, velocity = own.position + period * command, np.zeros_like(command)
+        return Report(self._index, own.sample + 1, own.time_s + period, position, velocity, promised=True)
+
+    def brake(self, own: Report) -> FloatArray:
+        """Return the input (d,) that brakes, for which everyone's sets leave room."""
+        return self._surroundings.brake(own)
+
+    def miss(self) -> None:
+        """Say in the next report that nobody was heard: the time to decide has passed."""
+        self._hearing.heard_before = frozenset()
 
     def decide(self, own: Report) -> FloatArray:
-        """Return the input (d,) [m/s^2] to be held for a period from the own state that was sent."""
-        if self._must_brake(own):
-            brake = stopping_balls(
-                own.position[None], own.velocity[None], self._fleet.input_max[[self._index]], self._parameters.period_s
-            )
-            return np.asarray(brake.force[0])
-        rows = np.array(sorted(self._newest), dtype=np.intp)
-        heard = np.array([self._newest[int(j)].sample == own.sample for j in rows])
-        states = [self._newest[int(j)] if now else self._last_word(int(j)) for j, now in zip(rows, heard, strict=True)]
+        """Return the input (d,) to be held for a period from the own state that was sent.
+
+        [m/s^2]; the velocity [m/s] of a single integrator. Whoever knows that nothing is owed stands still.
+        """
+        if self._hearing.unsure(own, self.newest) or own.complete:
+            return self.brake(own)
+        states, heard, doubt = self._surroundings.states(own, self.newest, self._promised)
+        rows = np.array([each.agent for each in states], dtype=np.intp)
         position, velocity = np.array([each.position for each in states]), np.array([each.velocity for each in states])
-        law = self._law_for(rows)
         kept = np.zeros((len(rows), len(rows)), dtype=bool)
         kept[np.ix_(heard, heard)] = self._law_for(rows[heard]).kept_edges(position[heard], velocity[heard])
+        self._keep_links(kept, rows, heard)
+        me = int(np.flatnonzero(rows == self._index)[0])
+        silent = [state for state, now in zip(states, heard, strict=True) if not now]
+        wish = np.zeros_like(position)
+        wish[me] = self._wish(own, (rows[heard], position[heard], kept[np.ix_(heard, heard)]), silent)
+        law = self._law_for(rows)
+        if not self._double:
+            return np.asarray((law.step(position, wish, kept)[me] - own.position) / self._parameters.period_s)
+        return np.asarray(law.force(position, velocity, wish, kept, doubt)[me])
+
+    def _keep_links(self, kept: BoolArray, rows: IntArray, heard: BoolArray) -> None:
+        """Keep the mission's links (4.19) between those heard, too."""
+        place = {int(agent): row for row, agent in enumerate(rows) if heard[row]}
+        for one, two in self._fleet.links:
+            if one in place and two in place:
+                kept[place[one], place[two]] = kept[place[two], place[one]] = True
+
+    def _wish(self, own: Report, near: tuple[IntArray, FloatArray, BoolArray], silent: list[Report]) -> FloatArray:
+        """Return the velocity (d,) [m/s] that the law asks for among those heard, around those who are silent.
+
+        `near` are the (n,) agents heard, their (n, d) positions [m] and the (n, n) edges kept. The silent repel
+        nobody: the safe sets keep them apart, and cells beside them may have to be measured.
+        """
+        rows, position, kept = near
         me = int(np.flatnonzero(rows == self._index)[0])
         weight = np.zeros((len(rows), self._field.size))
         weight[me] = self._escape.attend(self._field.weight * (self._able @ self.known.residual))
-        wish = law.wish(position, weight, kept, random_signal(self._rng, len(rows), self._fleet.dimension))
-        doubt = np.where(heard, 0.0, self._parameters.lost_margin_m)
-        return np.asarray(law.force(position, velocity, wish, kept, doubt)[me])
+        signal = random_signal(self._rng, len(rows), self._fleet.dimension)
+        wish = self._law_for(rows).wish(position, weight, kept, signal)[me]
+        return self._around_silent(wish, own, silent) if self._escape.stalled else wish
 
-    def _must_brake(self, own: Report) -> bool:
-        """Return whether a neighbour is silent or has not heard this agent; remember whom to expect next."""
-        others = {j: report for j, report in self._newest.items() if j != self._index}
-        now = {j for j, report in others.items() if report.sample == own.sample}
-        for j in others.keys() - now:
-            self._bear_silence(j, own)
-        unsure = any(j not in now or self._index not in others[j].heard for j in self._near)
-        in_range = {j for j in now if np.linalg.norm(others[j].position - own.position) <= self._reach}
-        self._near = (self._near - now) | in_range
-        self._leaving -= now
-        self._silence[list(now)] = 0
-        self._heard_before = frozenset(now)
-        return unsure
-
-    def _bear_silence(self, j: int, own: Report) -> None:
-        """Expect a silent neighbour for a while; then it has left the range, if it could, or is lost."""
-        if j not in self._near:
-            return
-        self._silence[j] += 1
-        away = float(np.linalg.norm(self._newest[j].position - own.position))
-        if self._silence[j] == 1 and away + self._parameters.period_s * self._fleet.speed_max[j] > self._reach:
-            self._leaving.add(j)
-        if self._silence[j] > (_LEAVES_AFTER if j in self._leaving else self._parameters.lost_after):
-            self._near.discard(j)
-            self.lost[j] = j not in self._leaving
-
-    def _last_word(self, j: int) -> Report:
-        """Return the last state that a silent agent was heard to be in, or promised."""
-        known, promised = self._newest[j], self._promised.get(j)
-        return known if promised is None or promised.sample < known.sample else promised
+    def _around_silent(self, wish: FloatArray, own: Report, states: list[Report]) -> FloatArray:
+        """Return the velocity (d,) [m/s] that leads around those who are silent; in turns left and right of them."""
+        if not states:
+            return wish
+        centre, radius = self._surroundings.balls(states)
+        begins = max(self._coordination.repel_within_m, self._coordination.separation_m)
+        near = radius + begins + self._parameters.period_s * self._fleet.speed_max[self._index]
+        turn = 1.0 if own.sample // self._parameters.patience % 2 == 0 else -1.0
+        return detour(wish, own.position, centre, near, turn)
 
     def _law_for(self, rows: IntArray) -> PotentialLaw:
         fleet = self._fleet
-        bounds = Bounds(fleet.speed_max[rows], fleet.input_max[rows], fleet.motion_min, fleet.motion_max)
+        force = fleet.input_max[rows] if self._double else None
+        bounds = Bounds(fleet.speed_max[rows], force, fleet.motion_min, fleet.motion_max)
         parameters = replace(self._parameters.law, edges="own")
         return PotentialLaw(self._field.cell, bounds, self._coordination, parameters, self._parameters.period_s)

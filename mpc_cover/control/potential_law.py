@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mpc_cover.constraints.local_tree import kept_by_both, kept_by_either, local_choices
+from mpc_cover.constraints.local_tree import kept_by_both, kept_by_either, local_choices, spare_choices
 from mpc_cover.control.potential import (
     Coordination,
     CoverageShape,
@@ -21,7 +21,7 @@ from mpc_cover.control.potential import (
 )
 from mpc_cover.control.safe_sets import SafeSets, enclosing_diameters, safe_sets
 from mpc_cover.control.step_filter import filter_steps
-from mpc_cover.control.stopping_filter import filter_forces, stopping_balls
+from mpc_cover.control.stopping_filter import LESS, filter_forces, stopping_balls
 from mpc_cover.control.tracking import limited, track
 from mpc_cover.information.delay import adjacency
 
@@ -41,6 +41,7 @@ class LawParameters:
     random : largest length of the random signal r of (5.17), as a part of u_max.
     edges : which local edges an agent keeps: those both ends chose, those either did, or its own choice, which
         needs no further message.
+    spare : whether edges are kept, too, that connect the others without any one agent (`local_tree.spare_choices`).
     """
 
     shape: CoverageShape = field(default_factory=CoverageShape)
@@ -48,6 +49,7 @@ class LawParameters:
     coordination_gain: float = 0.1
     random: float = 0.1
     edges: Literal["both", "either", "own"] = "both"
+    spare: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +122,8 @@ class PotentialLaw:
     def kept_edges(self, position: FloatArray, velocity: FloatArray | None = None) -> BoolArray:
         """Return (m, m): the edges that each agent (row) keeps from (m, d) positions [m] and velocities [m/s]."""
         centre, radius = self._balls(position, velocity)
-        choice = local_choices(enclosing_diameters(centre, radius), self._coordination.range_m)
+        weight, reach = enclosing_diameters(centre, radius), self._coordination.range_m
+        choice = spare_choices(weight, reach) if self._parameters.spare else local_choices(weight, reach)
         match self._parameters.edges:
             case "both":
                 return kept_by_both(choice)
@@ -179,8 +182,8 @@ class PotentialLaw:
         speed = self._bounds.speed_max
         ahead = self._period * speed
         if self._bounds.input_max is not None:
-            still = np.zeros((len(speed), 1))
-            ahead = ahead + 2.0 * stopping_balls(still, speed[:, None], self._bounds.input_max, self._period).radius
+            still, fastest = np.zeros((len(speed), 1)), LESS * speed[:, None]
+            ahead = ahead + 2.0 * stopping_balls(still, fastest, self._bounds.input_max, self._period).radius
         need = self._coordination.separation_m + float(np.sort(ahead)[-2:].sum())
         if need > self._coordination.range_m:
             raise ValueError(

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.control.safe_sets import SafeSets
 
-_LESS = 1.0 - 1e-9
-"""Forces are this much smaller than u_max, for rounding."""
+LESS = 1.0 - 1e-9
+"""Forces and speeds are kept this much below their bounds, for rounding."""
 _BETWEEN = (0.75, 0.5, 0.25)
 """How far from braking towards the wanted force, when the whole of it is not safe."""
 _FORCES = (1.0, 0.5)
@@ -61,7 +61,7 @@ class StoppingBall:
 def stopping_balls(position: FloatArray, velocity: FloatArray, input_max: FloatArray, period: float) -> StoppingBall:
     """Return the stopping balls of (m, ..., d) positions [m] and velocities [m/s] with (m,) u_max [m/s^2]."""
     speed = np.linalg.norm(velocity, axis=-1)
-    slower = (_LESS * period * input_max).reshape(-1, *[1] * (speed.ndim - 1))
+    slower = (LESS * period * input_max).reshape(-1, *[1] * (speed.ndim - 1))
     samples = np.maximum(np.ceil(speed / slower - 1e-9), 1.0)
     half = velocity * (0.25 * period * samples)[..., None]
     force = -velocity / (period * samples)[..., None]
@@ -111,11 +111,11 @@ def _candidates(
     """Return (m, n, d) forces within u_max after which the speed is within v_max, the wanted one first."""
     input_max, speed_max = limits
     fixed = fan(force.shape[1])
-    strength = np.array(_FORCES)[:, None] * _LESS * input_max[:, None, None]
+    strength = np.array(_FORCES)[:, None] * LESS * input_max[:, None, None]
     wide = (strength[..., None] * fixed).reshape(len(force), -1, force.shape[1])
     part = np.array([1.0, *_BETWEEN])[:, None]
     between = brake[:, None] + part * (force - brake)[:, None]
     every = np.concatenate([between, np.zeros_like(force)[:, None], wide], axis=1)
     # the nearest velocity within v_max is no farther from the velocity of now, which is within v_max
-    after = limited(velocity[:, None] + period * every, _LESS * speed_max)
+    after = limited(velocity[:, None] + period * every, LESS * speed_max)
     return np.asarray((after - velocity[:, None]) / period)

@@ -47,9 +47,15 @@ class HeardMap(Generic[M]):
 
     def hear(self, agent: int, sample: int, looks: Looks) -> bool:
         """Take what `agent` (index) measured at its `sample` (0, 1, ...); False where that was known already."""
-        if sample < self._next[agent] or sample in self._ahead[agent]:
+        if not self.note(agent, sample):
             return False
         self.map.take(looks)
+        return True
+
+    def note(self, agent: int, sample: int) -> bool:
+        """Note that a sample is known, whose looks the caller sees to; False where it was known already."""
+        if sample < self._next[agent] or sample in self._ahead[agent]:
+            return False
         self._ahead[agent].add(sample)
         while self._next[agent] in self._ahead[agent]:
             self._ahead[agent].remove(self._next[agent])

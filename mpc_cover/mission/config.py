@@ -17,6 +17,7 @@ from mpc_cover.mission.information import (
     KalmanInformation,
     LookInformation,
 )
+from mpc_cover.mission.potential_spec import PotentialSpec
 
 SCHEMA_VERSION = 1
 
@@ -118,6 +119,9 @@ class FleetSpec(Model):
     """Pairs that always stay within range of each other: fixed topology (4.19)."""
     faults_tolerated: Annotated[int, Field(ge=0)] = 0
     """h: everything is covered even if any h agents fail from the start (robustness, section 4.1)."""
+    dynamics: Literal["double", "single"] = "double"
+    """Double integrators (3.1), or single integrators (5.1), whose u_max is `speed_max_m_per_s`: these fly by the
+    potential law only."""
 
 
 class Control(Model):
@@ -175,6 +179,14 @@ class MissionSpec(Model):
     control: Control = Control()
     planning: Planning = Planning()
     disturbance: Disturbance = Disturbance()
+    potential: PotentialSpec = PotentialSpec()
+
+    @property
+    def information_kind(self) -> str:
+        """What "measured" means, in a word."""
+        if self.information is not None:
+            return self.information.kind
+        return "looks" if self.area.looks > 1 else "coverage"
 
     @property
     def looks(self) -> int:

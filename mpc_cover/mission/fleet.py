@@ -76,12 +76,19 @@ def agent_radii(spec: MissionSpec, agent: AgentSpec) -> FloatArray:
 
 
 def agent_input_max(spec: MissionSpec, agent: AgentSpec) -> float | None:
-    """Return the bound on an agent's input [m/s^2], given or as force over mass; None where neither is given."""
+    """Return the bound on an agent's input [m/s^2], given or as force over mass; None where neither is given.
+
+    Single integrators need none: what their velocity may change by in a period stands in for it.
+    """
     given = agent_value(spec, agent, "input_max_m_per_s2")
     if isinstance(given, float):
         return given
     mass, force = agent_value(spec, agent, "mass_kg"), agent_value(spec, agent, "force_max_n")
-    return force / mass if isinstance(mass, float) and isinstance(force, float) else None
+    if isinstance(mass, float) and isinstance(force, float):
+        return force / mass
+    speed = agent_value(spec, agent, "speed_max_m_per_s")
+    jumps = spec.fleet.dynamics == "single" and isinstance(speed, float)
+    return 2.0 * speed / spec.control.period_s if jumps and isinstance(speed, float) else None
 
 
 def surviving_radii(radius: FloatArray, faults: int) -> FloatArray:

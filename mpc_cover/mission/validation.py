@@ -14,6 +14,7 @@ from mpc_cover.mission.field import bounding_box, build_field
 from mpc_cover.mission.fleet import agent_input_max, agent_value
 from mpc_cover.mission.information_rules import information_problems
 from mpc_cover.mission.planning_rules import planning_problems, topology_problems
+from mpc_cover.mission.potential_rules import potential_problems
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,8 +32,8 @@ def find_problems(spec: MissionSpec, *, area_known: bool = True) -> list[Problem
     shape = list(_shape_problems(spec))
     area = [*shape, *([] if shape else _area_problems(spec))] if area_known else []
     fleet = [*_agent_problems(spec), *_fleet_problems(spec), *topology_problems(spec)]
-    rest = [*_control_problems(spec), *planning_problems(spec), *disturbance_problems(spec)]
-    return [*area, *fleet, *rest, *information_problems(spec)]
+    rest = (_control_problems, planning_problems, disturbance_problems, information_problems, potential_problems)
+    return [*area, *fleet, *(problem for rule in rest for problem in rule(spec))]
 
 
 def _shape_problems(spec: MissionSpec) -> Iterator[Problem]:

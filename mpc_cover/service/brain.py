@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+from mpc_cover.errors import UserError
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from enum import Enum
@@ -109,8 +111,28 @@ class LimitsSpeed(Protocol):
         ...
 
 
+def require_double(mission: Mission) -> None:
+    """Refuse single integrators, for whom nobody plans.
+
+    Raises
+    ------
+    UserError
+        The mission's agents are single integrators.
+    """
+    if mission.spec.fleet.dynamics == "single":
+        right = "plans are for double integrators: fly it with --controller potential"
+        raise UserError(f"mission {mission.spec.name}: fleet.dynamics single: {right}")
+
+
 def make_brain(mission: Mission, backend: str, seed: int) -> Brain:
-    """Return the receding-horizon controller; importing it takes as long as its solvers take."""
+    """Return the receding-horizon controller; importing it takes as long as its solvers take.
+
+    Raises
+    ------
+    UserError
+        The mission's agents are single integrators.
+    """
+    require_double(mission)
     from mpc_cover.control.receding_horizon import RecedingHorizon  # noqa: PLC0415 - heavy, agents never need it
 
     brain: Brain = RecedingHorizon(mission, backend=backend, seed=seed)

@@ -65,7 +65,7 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
     """
     with Signals() as signals:
         clock = MonotonicClock()
-        endpoint, transport = _open(clock, signals)
+        endpoint, transport = open_observer(clock, signals)
         try:
             fleet = Processes(mission, options, folder, endpoint)
             observer = Observer(mission, transport, clock)
@@ -89,7 +89,7 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
     return DemoResult(status, outcome, summary, fleet.restarts, tuple(died))
 
 
-def _open(clock: MonotonicClock, signals: Signals) -> tuple[str, ZenohTransport]:
+def open_observer(clock: MonotonicClock, signals: Signals) -> tuple[str, ZenohTransport]:
     """Listen on a free port; another one when someone was faster."""
     for attempt in range(PORT_ATTEMPTS):
         endpoint = f"tcp/127.0.0.1:{free_port()}"

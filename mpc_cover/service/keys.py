@@ -35,6 +35,14 @@ class Keys:
         """Return the key of an agent's liveliness token."""
         return f"{self.root}/agent/{agent}/alive"
 
+    def hello(self, agent: str = ANY) -> str:
+        """Return the key on which an agent of the distributed law says that it is there, before the start."""
+        return f"{self.root}/agent/{agent}/hello"
+
+    def word(self, agent: str = ANY) -> str:
+        """Return the key on which an agent of the distributed law speaks to whoever is in range."""
+        return f"{self.root}/agent/{agent}/word"
+
     @property
     def status(self) -> str:
         """The controller's heartbeat."""

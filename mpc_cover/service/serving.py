@@ -64,7 +64,7 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
 
     path = options.state_dir or Path(".mpc-cover") / mission.spec.name
     with Signals() as signals, StateDirectory(path) as folder:
-        _follow_parent(options.with_parent, signals.stop)
+        follow_parent(options.with_parent, signals.stop)
         clock = MonotonicClock(options.speed)
         try:
             transport = open_transport(network, clock, signals.stop)
@@ -96,7 +96,7 @@ def fly(mission: Mission, agent_id: str, options: AgentOptions, network: Network
         raise UserError(f"agent {agent_id!r}: is not in mission {mission.spec.name}: its agents are {known}")
     instance = uuid.uuid4().hex
     with Signals() as signals:
-        _follow_parent(options.with_parent, signals.stop)
+        follow_parent(options.with_parent, signals.stop)
         clock = MonotonicClock(options.speed)
         header = Header(agent_id, instance, mission.spec.name, options.speed)
         recorder = FileRecorder(options.record, header, say) if options.record else None
@@ -182,7 +182,7 @@ class _Narrator:
         )
 
 
-def _follow_parent(wanted: bool, stop: Event) -> None:
+def follow_parent(wanted: bool, stop: Event) -> None:
     """Stop when standard input ends: whoever holds its other end has died, even by SIGKILL."""
 
     def watch() -> None:

@@ -96,7 +96,7 @@ def cost_left(trajectory: Trajectory) -> float:
         return 0.0
     radius = mission.fleet.radius
     weight = np.tile(mission.field.weight[owed], (radius.shape[1], 1))
-    looks = np.full(weight.shape, mission.spec.area.looks, dtype=np.intp)
+    looks = np.full(weight.shape, mission.spec.looks, dtype=np.intp)
     return coverage_cost(trajectory.position, mission.field.cell[owed], radius, weight, looks)
 
 

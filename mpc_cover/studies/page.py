@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.studies.tally import Group
 
-_STYLE = """
+STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 0.9rem; }
@@ -51,7 +51,7 @@ def page(groups: Mapping[str, Sequence[Group]], pictures: Mapping[str, bytes], c
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>mpc-cover study horizon</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        f"<title>mpc-cover study horizon</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
         f"<h1>mpc-cover study horizon</h1>\n{body}\n</body>\n</html>\n"
     )
 
@@ -87,5 +87,14 @@ def _origin(groups: Mapping[str, Sequence[Group]], commands: Sequence[str]) -> I
     said = ", ".join(f"{name} {' and '.join(numbers)}" for name, numbers in found.items())
     seconds = sum(record.wall_s for record in records)
     yield f"<p>{len(records)} runs, {seconds:.0f} s of flying in all. {escape(said)}.</p>"
-    machine = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
-    yield f"<p>Written on {escape(machine)}.</p>"
+    yield f"<p>Written on {escape(machine())}.</p>"
+
+
+def machine() -> str:
+    """Return what this runs on."""
+    return f"Python {platform.python_version()}, {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+
+
+def versions_line() -> str:
+    """Return the versions that a result made here depends on."""
+    return ", ".join(f"{name} {number}" for name, number in versions().items())

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from mpc_cover.errors import UnreadableFileError, UserError
 from mpc_cover.mission.load import load_mission
 from mpc_cover.planning.offline import PlanOptions, plan_mission
+from mpc_cover.service.brain import require_double
 from mpc_cover.trajectory import save_trajectory
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.summary import RunSummary, summarise
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rich.console import Console
+
+    from mpc_cover.mission.load import Mission
 
 _PROFILED = 18
 """Lines of a profile."""
@@ -44,17 +47,23 @@ def plan_files(
     if not missions:
         raise UnreadableFileError(f"--all {what}: is no folder with missions (*.yaml)")
     for mission in missions:
-        load_mission(mission)  # every mistake before the first hour of work
+        _plannable(str(mission))  # every mistake before the first hour of work
     target = out or Path("plans")
     _make_folder(target)
     files = [target / f"{mission.stem}.npz" for mission in missions]
     return [_plan(str(m), f, options, console, profile=profile) for m, f in zip(missions, files, strict=True)]
 
 
+def _plannable(name: str) -> Mission:
+    mission = load_mission(name)
+    require_double(mission)
+    return mission
+
+
 def _plan(
     name: str, file: Path, options: PlanOptions, console: Console, *, profile: bool
 ) -> tuple[RunSummary, dict[str, Any]]:
-    mission = load_mission(name)
+    mission = _plannable(name)
     begun = time.perf_counter()
     with _profiled(console, wanted=profile), console.status(f"{mission.spec.name}: plans"):
         trajectory = plan_mission(mission, options, told=lambda line: console.print(line, highlight=False))

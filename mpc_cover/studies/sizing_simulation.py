@@ -1,12 +1,8 @@
-"""Figures 1.1 and 1.2: the sizing model against simulations of the potential law, averaged over random starts.
-
-`python -m mpc_cover.studies.sizing_simulation` prints the table and the model's errors.
-"""
+"""Figures 1.1 and 1.2: the sizing model against simulations of the potential law, averaged over random starts."""
 
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,7 +14,6 @@ from mpc_cover.studies.fleet_sizing import (
     covered_fraction,
     measurement_rate,
     model_error,
-    sizing_table,
 )
 from mpc_cover.studies.swarm import run
 from mpc_cover.studies.swarm_parameters import LookInformation, Scenario, SwarmParameters
@@ -102,23 +97,3 @@ def coverage_curves(
     counts = list(numbers)
     duration = max(1.0 / measurement_rate(problem, agents) for agents in counts)
     return [coverage_curve(problem, agents, seeds, duration) for agents in counts]
-
-
-def main(seeds: range = range(10)) -> None:
-    """Print the table for 100 m^2, 1 m and 1.5 m/s, and what the simulations say."""
-    problem = SizingProblem(area_m2=100.0, radius_m=1.0, speed_m_per_s=1.5)
-    lines = [f"{problem}"]
-    lines += [
-        f"  {row.agents:3d} agents: {row.rate_hz:.4f} Hz, a round takes {row.round_s:6.2f} s; at rest {row.at_rest:.1%}"
-        for row in sizing_table(problem, (1, 2, 3, 5, 8, 10, 15, 20))
-    ]
-    for curve in coverage_curves(problem, seeds=seeds):
-        lines.append(
-            f"  {curve.agents:3d} simulated: {curve.rate_hz:.4f} Hz, a round {curve.rounds_s.mean():6.2f} s; "
-            f"the model's mean absolute error {curve.error.mean_absolute:.3f}, largest {curve.error.largest:.3f}"
-        )
-    sys.stdout.write("\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    main()

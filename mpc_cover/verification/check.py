@@ -11,6 +11,7 @@ from mpc_cover.verification.ends import check_plan_ends
 from mpc_cover.verification.losses import losses_of, verify_with_losses
 from mpc_cover.verification.motion import verify_motion
 from mpc_cover.verification.report import Check, Report
+from mpc_cover.verification.single import as_single
 
 if TYPE_CHECKING:
     from mpc_cover.trajectory import Trajectory
@@ -43,6 +44,8 @@ def check_trajectory(trajectory: Trajectory) -> Report:
             at_rest=planned and planning.end in {"rest", "fixed"},
             start=None if free else start,
         )
+    if trajectory.mission.spec.fleet.dynamics == "single":
+        motion = as_single(motion, trajectory)
     if not motion.checks[0].holds:
         unseen = Check("coverage", holds=False, margin=-np.inf, unit="s", where="not looked at")
         return Report((*motion.checks, unseen))

@@ -11,6 +11,7 @@ from mpc_cover.constraints.local_tree import (
     kept_by_both,
     kept_by_either,
     local_choices,
+    spare_choices,
 )
 
 
@@ -146,3 +147,28 @@ def test_an_agent_that_is_nowhere_has_no_edges():
 def test_nobody_and_one_alone():
     assert local_choices(np.zeros((0, 0)), 1.0).shape == (0, 0)
     assert not local_choices(np.zeros((1, 1)), 1.0).any()
+
+
+def test_spare_edges_hold_the_tree_without_any_one_agent():
+    rng = np.random.default_rng(11)
+    for _ in range(300):
+        position = random_positions(rng)
+        agents, reach = len(position), float(rng.uniform(0.5, 4.0))
+        weight = distances(position)
+        chosen = spare_choices(weight, reach)
+        kept = edges_of(kept_by_both(chosen))
+        assert edges_of(kept_by_both(local_choices(weight, reach))) <= kept
+        for lost in range(agents):
+            assert kruskal(weight, reach, set(range(agents)) - {lost}) <= kept
+
+
+def test_spare_edges_of_a_neighbourhood_are_those_of_the_fleet():
+    rng = np.random.default_rng(12)
+    for _ in range(100):
+        position = random_positions(rng)
+        weight, reach = distances(position), float(rng.uniform(0.5, 4.0))
+        whole = spare_choices(weight, reach)
+        for i in range(len(position)):
+            near = [j for j in range(len(position)) if j == i or weight[i, j] <= reach]
+            own = spare_choices(weight[np.ix_(near, near)], reach)[near.index(i)]
+            assert [near[k] for k in np.flatnonzero(own)] == np.flatnonzero(whole[i]).tolist()

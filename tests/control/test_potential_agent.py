@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mpc_cover.control.agent_parameters import AgentParameters
 from mpc_cover.control.potential import Coordination
-from mpc_cover.control.potential_agent import AgentParameters, PotentialAgent
+from mpc_cover.control.potential_agent import PotentialAgent
 from mpc_cover.control.potential_law import LawParameters
 from mpc_cover.control.stopping_filter import stopping_balls
 from mpc_cover.information.delay import adjacency

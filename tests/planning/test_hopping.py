@@ -4,7 +4,10 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given, settings as examples, strategies as st
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from motions import random_window
 
 from mpc_cover.mission.load import load_mission
 from mpc_cover.planning.continuation import judge, refine
@@ -12,7 +15,6 @@ from mpc_cover.planning.guesses import rest_guess
 from mpc_cover.planning.hopping import hopped, kicked, refine_thoroughly, shaken
 from mpc_cover.planning.offline import offline_task
 from mpc_cover.verification.motion import verify_motion
-from motions import random_window
 from solvers.backends.registry import make_backend
 
 

@@ -19,7 +19,7 @@ from mpc_cover.studies.fleet_sizing import (
     sizing_table,
     swept_part,
 )
-from mpc_cover.studies.sizing_simulation import coverage_curve, coverage_curves, main, scenario_of
+from mpc_cover.studies.sizing_simulation import coverage_curve, coverage_curves, scenario_of
 
 PROBLEM = SizingProblem(area_m2=100.0, radius_m=1.0, speed_m_per_s=1.5, cover=0.95)
 
@@ -125,10 +125,3 @@ def test_the_square_has_the_area():
     fleet, field = scenario_of(SizingProblem(50.0, 0.7, 1.0), 3).build(np.random.default_rng(0))
     assert field.measure == pytest.approx(50.0)
     assert fleet.size == 3
-
-
-def test_the_printed_table(capsys):
-    main(range(2))
-    text = capsys.readouterr().out
-    assert "5 agents: 0.0413 Hz" in text
-    assert text.count("mean absolute error") == 3

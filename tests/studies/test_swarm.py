@@ -20,7 +20,6 @@ from mpc_cover.studies.swarm_parameters import (
     SwarmParameters,
     random_start,
 )
-from mpc_cover.studies.swarm_seeds import main, run_seeds, summary
 from mpc_cover.studies.thesis_cases import CASES, as_double_integrators, constrained, free
 from mpc_cover.verification.motion import verify_motion
 
@@ -197,14 +196,6 @@ def test_starts_are_apart_and_connected_or_refused():
         random_start(rng, 50, np.array([1.0, 1.0]), 0.5, 2.0)
 
 
-def test_seeds_make_a_table(capsys):
-    results = run_seeds(small(SMALL["looks"]), range(2))
-    assert [result.seed for result in results] == [0, 1]
-    assert "2 of 2 seeds covered everything" in summary("small", results)
-    main(["--case", "5.1", "--seeds", "1"])
-    assert "1 of 1" in capsys.readouterr().out
-
-
 def test_the_timing_runs():
     taken = time_maps(0.317, steps=2)
     assert set(taken) == {"plain", "K = 15", "K = 15, in flight", "Kalman", "Kalman, drawing its readings"}
@@ -220,24 +211,14 @@ def test_cases_are_the_thesis_numbers():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
-def test_a_hundred_seeds_cover_everything(case):
-    results = run_seeds(CASES[case], range(100))
-    assert all(result.covered for result in results)
-    if case.startswith("6"):
-        assert min(result.closest_m for result in results) >= 0.5
-        assert max(result.bottleneck_m for result in results) <= 5.5 + 1e-6
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("dynamics", ["single", "double"])
 def test_a_larger_field_by_hops(dynamics):
     scenario = replace(constrained(LookInformation(1)), size_m=(20.0, 20.0))
     scenario = replace(scenario, swarm=replace(scenario.swarm, delay="hops", dynamics=dynamics))
-    results = run_seeds(scenario, range(30))
-    assert all(result.covered for result in results)
-    assert min(result.closest_m for result in results) >= 0.5
-    assert max(result.bottleneck_m for result in results) <= 5.5 + 1e-6
+    records = [run(scenario, seed) for seed in range(30)]
+    assert all(record.covered for record in records)
+    assert min(record.closest for record in records) >= 0.5
+    assert max(record.bottleneck for record in records) <= 5.5 + 1e-6
 
 
 def test_double_integrators_fly_the_same_scenario():

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import struct
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from mpc_cover.errors import UserError
-from mpc_cover.studies import thesis_figures
 from mpc_cover.studies.fleet_sizing import SizingProblem, measurement_rate
 from mpc_cover.studies.sizing_simulation import coverage_curve
 from mpc_cover.studies.swarm import run
@@ -102,32 +99,6 @@ def test_model_dashed_simulation_solid():
     assert axes.lines[0].get_xdata().tolist() == [5.0, 10.0], "an infinite rate has no point"
     assert "95 %" in axes.get_title(loc="left") + axes.get_title()
     assert sizing_figures.figure_1_2(agents, rate, 0.95).axes
-
-
-def test_files_and_the_same_bytes_twice(tmp_path):
-    first = thesis_figures.draw_figures(tmp_path / "new" / "a", seed=0, only=("5.2",))
-    second = thesis_figures.draw_figures(tmp_path / "b", seed=0, only=("5.2",))
-    assert [file.name for file in first] == ["figure-5.2.png"]
-    for one, other in zip(first, second, strict=True):
-        data = one.read_bytes()
-        assert data == other.read_bytes()
-        assert data[:8] == b"\x89PNG\r\n\x1a\n"
-        assert min(struct.unpack(">II", data[16:24])) >= 500
-
-
-@pytest.mark.slow
-def test_all_figures_come_out_of_one_command(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["thesis_figures", str(tmp_path)])
-    thesis_figures.main()
-    written = {line.rsplit("-", 1)[1] for line in capsys.readouterr().out.split()}
-    assert written == {f"{name}.png" for name in ("1.1", "1.2", "5.1", "5.2", "5.3", "5.4", "6.2", "6.3", "6.4", "6.5")}
-
-
-def test_a_folder_that_cannot_be_made_is_the_users_mistake(tmp_path):
-    taken = tmp_path / "taken"
-    taken.write_text("a file")
-    with pytest.raises(UserError, match="cannot write to"):
-        thesis_figures.draw_figures(taken, only=("1.9",))
 
 
 def test_cells_above_each_other_share_a_pixel():

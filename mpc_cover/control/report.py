@@ -1,0 +1,39 @@
+"""What agents of the distributed law tell each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """An agent's state at a sample: what is sent, and relayed.
+
+    Attributes
+    ----------
+    agent : index in the fleet.
+    sample : 0, 1, ...
+    time_s : mission time [s].
+    position, velocity : (d,) [m], [m/s].
+    heard : whose state of the sample before the agent knew when it decided then.
+    promised : whether the agent may still choose otherwise: a state made known before it is acted upon.
+    looked : (d,) [m] where the agent has looked since its report before; None for nowhere. An agent that reports a
+        sample ahead of time has not looked there yet.
+    looked_s : when, mission time [s].
+    complete : whether by its own map nothing is owed.
+    """
+
+    agent: int
+    sample: int
+    time_s: float
+    position: FloatArray
+    velocity: FloatArray
+    heard: frozenset[int] = frozenset()
+    promised: bool = False
+    looked: FloatArray | None = None
+    looked_s: float = 0.0
+    complete: bool = False

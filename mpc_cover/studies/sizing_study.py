@@ -1,0 +1,238 @@
+"""`mpc-cover size`: the sizing model's answers, its figures, and its error against simulations (1.1 to 1.3)."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpc_cover.errors import InvalidInputError, Problem, UserError
+from mpc_cover.studies.fleet_sizing import (
+    SizingProblem,
+    SizingRow,
+    agents_for_rate,
+    measurement_rate,
+    sizing_table,
+)
+from mpc_cover.studies.sizing_simulation import CoverageCurve, coverage_curve, scenario_of
+from mpc_cover.view.sizing_figures import figure_1_1, figure_1_2
+from mpc_cover.view.style import house_style, save_figure
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+_MOST_SIMULATED = 200
+_MOST_CELLS = 40_000
+_MOST_AGENTS = 1_000_000
+_OPTIONS = {"area_m2": "--area", "radius_m": "--radius", "speed_m_per_s": "--speed", "rate_hz": "--rate"}
+
+
+@dataclass(frozen=True)
+class SizingOptions:
+    """See `mpc-cover size --help`; a rate is in Hz, `numbers` are those simulated and tabulated."""
+
+    rate_hz: float | None = None
+    numbers: tuple[int, ...] = (5, 10, 15)
+    seeds: int = 10
+    horizon_seeds: int = 0
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class SizingAnswer:
+    """What was asked, and what came of it.
+
+    Attributes
+    ----------
+    agents_needed : for the rate that is wanted; None when none is.
+    table : a row for each number, by the model.
+    potential, horizon : simulations by the potential law and by the receding horizon; empty when not asked for.
+    """
+
+    problem: SizingProblem
+    rate_hz: float | None
+    agents_needed: int | None
+    table: list[SizingRow]
+    potential: list[CoverageCurve]
+    horizon: list[CoverageCurve]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for `--json`; a rate or a round that is infinite is null."""
+        return {
+            "problem": asdict(self.problem),
+            "rate_hz": self.rate_hz,
+            "agents_needed": self.agents_needed,
+            "table": [_finite(asdict(row)) for row in self.table],
+            "potential": [_curve(curve) for curve in self.potential],
+            "receding_horizon": [_curve(curve) for curve in self.horizon],
+        }
+
+    @property
+    def text(self) -> str:
+        """The answer for a person."""
+        lines = []
+        if self.rate_hz is not None and self.agents_needed is not None:
+            lines.append(f"{self.rate_hz:g} Hz takes {self.agents_needed} agents by the model (1.3)")
+        for row in self.table:
+            turn = (
+                "seen at rest" if math.isinf(row.rate_hz) else f"{row.rate_hz:.4f} Hz, a round of {row.round_s:.1f} s"
+            )
+            lines.append(f"N = {row.agents:3d}: {turn}; at rest {100.0 * row.at_rest:.1f} % are seen")
+        for law, curves in (("potential law", self.potential), ("receding horizon", self.horizon)):
+            for curve in curves:
+                rounds = "never" if math.isinf(curve.rounds_s.mean()) else f"{curve.rounds_s.mean():.1f} s"
+                lines.append(
+                    f"N = {curve.agents:3d}, {law}, {curve.rounds_s.size} seeds: a round of {rounds}; the model's "
+                    f"mean absolute error {100.0 * curve.error.mean_absolute:.1f} %, "
+                    f"largest {100.0 * curve.error.largest:.1f} %"
+                )
+        return "\n".join(lines)
+
+
+def size(problem: SizingProblem, options: SizingOptions, told: Callable[[str], None]) -> SizingAnswer:
+    """Answer by the model, and simulate as far as that is asked for.
+
+    Raises
+    ------
+    UserError
+        Numbers that make no sense, or that would take too long to simulate.
+    """
+    _check(problem, options)
+    needed = None if options.rate_hz is None else agents_for_rate(problem, options.rate_hz)
+    numbers = sorted({*options.numbers, *([needed] if needed is not None else [])})
+    duration = max((1.0 / measurement_rate(problem, number) for number in options.numbers), default=0.0)
+    potential, horizon = [], []
+    for number in options.numbers:
+        if options.seeds:
+            told(f"N = {number}: flies the potential law from {options.seeds} random starts")
+            seeds = range(options.seed, options.seed + options.seeds)
+            potential.append(coverage_curve(problem, number, seeds, duration))
+        if options.horizon_seeds:
+            from mpc_cover.studies.sizing_horizon import horizon_curve  # noqa: PLC0415 - heavy, and seldom asked for
+
+            told(f"N = {number}: flies the receding horizon from {options.horizon_seeds} random starts")
+            seeds = range(options.seed, options.seed + options.horizon_seeds)
+            horizon.append(horizon_curve(problem, number, seeds, duration))
+    return SizingAnswer(problem, options.rate_hz, needed, sizing_table(problem, numbers), potential, horizon)
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder for the answer.
+
+    Raises
+    ------
+    UserError
+        It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out {folder}: cannot be made: {error.strerror or error}") from None
+
+
+def draw_sizing(answer: SizingAnswer, folder: Path) -> list[Path]:
+    """Write figures 1.1 and 1.2 and the answer as JSON into a folder; return the files.
+
+    Raises
+    ------
+    UserError
+        The folder cannot be written.
+    """
+    most = max(20, *(row.agents for row in answer.table))
+    agents = np.unique(np.linspace(1, most, min(most, 200)).round())
+    rate = np.array([measurement_rate(answer.problem, int(number)) for number in agents])
+    make_folder(folder)
+    try:
+        files = []
+        with house_style():
+            if answer.potential:
+                files.append(save_figure(figure_1_1(answer.potential), folder / "figure-1.1.png"))
+            if answer.horizon:
+                drawn = figure_1_1(answer.horizon, law="receding horizon")
+                files.append(save_figure(drawn, folder / "figure-1.1-receding-horizon.png"))
+            curves = [curve for curve in answer.potential if math.isfinite(curve.rounds_s.mean())]
+            figure = figure_1_2(agents, rate, answer.problem.cover, curves)
+            files.append(save_figure(figure, folder / "figure-1.2.png"))
+        file = folder / "size.json"
+        file.write_text(json.dumps(answer.to_dict(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"--out {folder}: cannot be written: {error.strerror or error}") from None
+    return [*files, file]
+
+
+def sizing_problem(area_m2: float, radius_m: float, speed_m_per_s: float, cover: float) -> SizingProblem:
+    """Return the problem.
+
+    Raises
+    ------
+    InvalidInputError
+        Numbers that make no sense, by the names of the options.
+    """
+    try:
+        return SizingProblem(area_m2, radius_m, speed_m_per_s, cover)
+    except InvalidInputError as error:
+        named = [Problem(_OPTIONS.get(p.path, f"--{p.path}"), p.value, p.right) for p in error.problems]
+        raise InvalidInputError("fleet sizing", named) from None
+
+
+def _check(problem: SizingProblem, options: SizingOptions) -> None:
+    problems = []
+    if options.rate_hz is not None and not 0.0 < options.rate_hz < math.inf:
+        problems.append(Problem("--rate", options.rate_hz, "must be a number of Hz greater than 0"))
+    simulated = options.seeds + options.horizon_seeds > 0
+    most = _MOST_SIMULATED if simulated else _MOST_AGENTS
+    for number in options.numbers:
+        if not 1 <= number <= most:
+            hint = " to be simulated; with --seeds 0 the model alone answers" if simulated else ""
+            problems.append(Problem("--agents", number, f"must be between 1 and {most}{hint}"))
+        elif simulated and math.isinf(measurement_rate(problem, number)):
+            right = "see the wanted part at rest: there is nothing to simulate; with --seeds 0 the model alone answers"
+            problems.append(Problem("--agents", number, right))
+    if simulated:
+        scenario = scenario_of(problem, 1)
+        cells = round(scenario.size_m[0] / scenario.cell_size_m) ** 2
+        if cells > _MOST_CELLS:
+            right = f"takes {cells} cells to simulate, at most {_MOST_CELLS}: a smaller area, or --seeds 0"
+            problems.append(Problem("--area", problem.area_m2, right))
+    if problems:
+        raise InvalidInputError("fleet sizing", problems)
+
+
+def _curve(curve: CoverageCurve) -> dict[str, Any]:
+    mean = float(curve.rounds_s.mean())
+    return _finite(
+        {
+            "agents": curve.agents,
+            "seeds": int(curve.rounds_s.size),
+            "round_s": mean,
+            "rate_hz": 0.0 if math.isinf(mean) else 1.0 / mean,
+            "model_mean_absolute_error": curve.error.mean_absolute,
+            "model_largest_error": curve.error.largest,
+        }
+    )
+
+
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    return {name: None if isinstance(value, float) and math.isinf(value) else value for name, value in row.items()}
+
+
+def parse_numbers(text: str) -> tuple[int, ...]:
+    """Return the numbers of agents in a list with commas.
+
+    Raises
+    ------
+    UserError
+        It is none.
+    """
+    parts: Sequence[str] = [part.strip() for part in text.split(",") if part.strip()]
+    try:
+        numbers = tuple(dict.fromkeys(int(part) for part in parts))
+    except ValueError:
+        raise UserError(f"--agents {text}: must be whole numbers, separated by commas") from None
+    if not numbers:
+        raise UserError("--agents: is empty: give one or more numbers, separated by commas")
+    return numbers

@@ -1,0 +1,131 @@
+"""Many seeds of a mission by the potential law, from random starts, and in how many everything was measured.
+
+A line a run is appended as it is finished; a line that a kill tore off is flown again.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from mpc_cover.mission.load import load_mission
+from mpc_cover.service.fingerprint import mission_hash
+from mpc_cover.studies.swarm_mission import fly_mission
+from mpc_cover.studies.thesis_parts import problems_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from mpc_cover.studies.thesis_parts import Part
+
+    Task = tuple[Path, int]
+    Spread = Callable[[Sequence[Task], Callable[[Path, int], "SeedRun"]], Iterable["SeedRun"]]
+
+
+class SeedRun(msgspec.Struct, frozen=True, kw_only=True):
+    """A run in figures; times [s] are None for never.
+
+    Attributes
+    ----------
+    mission : fingerprint of what was flown.
+    time_s : to measure 95, 99 and 100 % of the cells, and until everyone knew.
+    problems : what should not have happened, in words.
+    """
+
+    key: str
+    mission: str
+    seed: int
+    time_s: tuple[float | None, float | None, float | None, float | None]
+    closest_m: float | None
+    bottleneck_m: float
+    problems: list[str] = []
+
+
+class SeedTally(msgspec.Struct, frozen=True, kw_only=True):
+    """How many of the seeds of a mission were covered."""
+
+    key: str
+    figures: tuple[str, ...]
+    covered: int
+    flown: int
+    median_s: float | None
+    worst_s: float | None
+    problems: list[str] = []
+
+    @property
+    def text(self) -> str:
+        """A line."""
+        worst = "never" if self.worst_s is None else f"{self.worst_s:.1f} s"
+        times = "" if self.median_s is None else f"; median {self.median_s:.1f} s, worst {worst}"
+        return f"{self.key} ({', '.join(self.figures)}): {self.covered} of {self.flown} seeds covered everything{times}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for `--json`."""
+        return msgspec.structs.asdict(self)
+
+
+def fly_seed(path: Path, seed: int) -> SeedRun:
+    """Fly a mission file from random starts."""
+    mission = load_mission(str(path))
+    record = fly_mission(mission, seed, starts="random")
+    times = (record.time_to(0.95), record.time_to(0.99), record.time_to_cover, record.time_to_know)
+    return SeedRun(
+        key=path.stem,
+        mission=mission_hash(mission),
+        seed=seed,
+        time_s=tuple(float(time) if np.isfinite(time) else None for time in times),  # type: ignore[arg-type]
+        closest_m=float(record.closest) if np.isfinite(record.closest) else None,
+        bottleneck_m=float(record.bottleneck),
+        problems=problems_of(record),
+    )
+
+
+def run_seeds(folder: Path, parts: Sequence[Part], seeds: int, spread: Spread, console: Console) -> None:
+    """Fly the seeds 0, 1, ... of each part that are not in the folder yet."""
+    tasks: list[Task] = []
+    for part in parts:
+        assert part.mission is not None, "seeds are of missions"
+        known = {run.seed for run in _known(folder, part)}
+        tasks += [(part.mission, seed) for seed in range(seeds) if seed not in known]
+    for done, run in enumerate(spread(tasks, fly_seed), start=1):
+        with (folder / f"{run.key}.jsonl").open("ab") as file:
+            file.write(msgspec.json.encode(run) + b"\n")
+        if done % 10 == 0 or done == len(tasks):
+            console.print(f"seeds: {done} of {len(tasks)} flown", highlight=False)
+
+
+def tally(folder: Path, part: Part, seeds: int) -> SeedTally:
+    """Count the seeds of a part."""
+    runs = sorted((run for run in _known(folder, part) if run.seed < seeds), key=lambda run: run.seed)
+    times = np.array([np.inf if run.time_s[2] is None else run.time_s[2] for run in runs])
+    median, worst = (float(np.median(times)), float(times.max())) if len(times) else (np.inf, np.inf)
+    return SeedTally(
+        key=part.key,
+        figures=part.figures,
+        covered=int(np.isfinite(times).sum()),
+        flown=len(runs),
+        median_s=median if np.isfinite(median) else None,
+        worst_s=worst if np.isfinite(worst) else None,
+        problems=[f"{part.key}, seed {run.seed}: {problem}" for run in runs for problem in run.problems],
+    )
+
+
+def _known(folder: Path, part: Part) -> Iterator[SeedRun]:
+    """Yield the runs of this very mission that are on file, each seed once."""
+    file = folder / f"{part.key}.jsonl"
+    if not file.is_file():
+        return
+    mission, seen = mission_hash(load_mission(str(part.mission))), set()
+    for line in file.read_bytes().splitlines():
+        try:
+            run = msgspec.json.decode(line, type=SeedRun)
+        except msgspec.MsgspecError:
+            continue
+        if run.mission == mission and run.seed not in seen:
+            seen.add(run.seed)
+            yield run

@@ -1,0 +1,182 @@
+"""`mpc-cover study thesis`: all figures of the thesis as ours, and how often the law covers everything.
+
+Each part is made in a folder of its own that appears whole or not at all; what is there already, and was made of the
+same mission, seed and version, is not made again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from contextlib import closing
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from mpc_cover import __version__
+from mpc_cover.errors import UserError
+from mpc_cover.mission.load import load_mission
+from mpc_cover.studies.thesis_page import thesis_page
+from mpc_cover.studies.thesis_parts import Part, PartResult, all_parts
+from mpc_cover.studies.thesis_seeds import SeedTally, run_seeds, tally
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from rich.console import Console
+
+_FILE = "part.json"
+
+
+@dataclass(frozen=True)
+class ThesisOptions:
+    """See `mpc-cover study thesis --help`."""
+
+    seed: int = 1
+    seeds: int = 0
+    only: tuple[str, ...] = ()
+    jobs: int = 1
+
+
+@dataclass(frozen=True)
+class ThesisResult:
+    """The page, what was drawn, what should not be, and how many seeds were covered."""
+
+    page: Path
+    parts: list[PartResult]
+    problems: list[str]
+    tallies: list[SeedTally]
+
+    @property
+    def exit_status(self) -> int:
+        """1 when something is not as the thesis says."""
+        return 1 if self.problems else 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for `--json`."""
+        figures = {panel.number: panel.facts for part in self.parts for panel in part.panels if panel.facts}
+        seeds = [tallied.to_dict() for tallied in self.tallies]
+        return {"page": str(self.page), "figures": figures, "seeds": seeds, "problems": self.problems}
+
+
+def run_thesis(out: Path, options: ThesisOptions, console: Console, command: str) -> ThesisResult:
+    """Draw the figures, fly the seeds, and write the page.
+
+    Raises
+    ------
+    UserError
+        A figure is asked for that there is not, or the folder cannot be written.
+    """
+    parts = chosen_parts(options.only)
+    try:
+        (out / "parts").mkdir(parents=True, exist_ok=True)
+        results = _drawn(out / "parts", parts, options, console)
+        tallies = _tallied(out / "seeds", parts, options, console)
+        problems = [problem for result in results for problem in result.problems]
+        problems += [problem for tallied in tallies for problem in tallied.problems]
+        page = out / "index.html"
+        unfinished = page.with_suffix(".part")
+        unfinished.write_text(thesis_page(out / "parts", results, tallies, command), encoding="utf-8")
+        unfinished.replace(page)
+    except OSError as error:
+        raise UserError(f"--out {out}: cannot be written: {error.strerror or error}") from None
+    return ThesisResult(page, results, problems, tallies)
+
+
+def chosen_parts(only: Sequence[str]) -> list[Part]:
+    """Return the parts asked for by figure or mission; all of none.
+
+    Raises
+    ------
+    UserError
+        There is no such figure.
+    """
+    parts = all_parts()
+    known = [name for part in parts for name in part.names()]
+    if unknown := [name for name in only if name not in known]:
+        raise UserError(f"--only {', '.join(unknown)}: is no figure of ours: must be among {', '.join(known)}")
+    return [part for part in parts if not only or set(part.names()) & set(only)]
+
+
+def _drawn(folder: Path, parts: list[Part], options: ThesisOptions, console: Console) -> list[PartResult]:
+    """Return all parts, in order, those that are missing made now."""
+    ready = {part.key: found for part in parts if (found := _finished(folder, part, options.seed)) is not None}
+    todo = [part for part in parts if part.key not in ready]
+    if ready:
+        console.print(f"{len(ready)} of {len(parts)} parts are there already", highlight=False)
+    for result in _made(folder, todo, options):
+        ready[result.key] = result
+        facts = [fact for panel in result.panels for fact in panel.facts]
+        said = f"{len(ready)} of {len(parts)}  {result.key}: {'; '.join(facts)}"
+        console.print(said, highlight=False, markup=False, soft_wrap=True)
+    return [ready[part.key] for part in parts]
+
+
+def _made(folder: Path, todo: list[Part], options: ThesisOptions) -> Iterator[PartResult]:
+    tasks = [(part, folder, options.seed) for part in todo]
+    yield from in_parallel(_make, tasks, options.jobs)
+
+
+def in_parallel(function: Any, tasks: Sequence[tuple[Any, ...]], jobs: int) -> Iterator[Any]:
+    """Yield the results of `function` on each task, as they come, from `jobs` processes with one thread each."""
+    if min(jobs, len(tasks)) <= 1:
+        for task in tasks:
+            yield function(*task)
+        return
+    import joblib  # noqa: PLC0415 - only here
+    from joblib.externals.loky.process_executor import TerminatedWorkerError  # noqa: PLC0415 - likewise
+
+    with joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1):
+        parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
+    try:
+        with closing(parallel(joblib.delayed(function)(*task) for task in tasks)) as results:
+            yield from results
+    except TerminatedWorkerError:
+        raise UserError("a process of the study was killed: what is finished is kept; fewer --jobs need less") from None
+
+
+def _make(part: Part, folder: Path, seed: int) -> PartResult:
+    """Make a part beside its place, and move it there."""
+    unfinished, place = folder / f".{part.key}.part", folder / part.key
+    shutil.rmtree(unfinished, ignore_errors=True)
+    unfinished.mkdir()
+    try:
+        made = msgspec.structs.replace(part.make(part, unfinished, seed), stamp=_stamp(part, seed))
+        (unfinished / _FILE).write_bytes(msgspec.json.encode(made))
+        shutil.rmtree(place, ignore_errors=True)
+        unfinished.replace(place)
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
+    return made
+
+
+def _finished(folder: Path, part: Part, seed: int) -> PartResult | None:
+    """Return a part that was made earlier of the same."""
+    place = folder / part.key
+    try:
+        found = msgspec.json.decode((place / _FILE).read_bytes(), type=PartResult)
+    except (OSError, msgspec.MsgspecError):
+        return None
+    whole = all((place / panel.file).is_file() for panel in found.panels)
+    return found if whole and found.stamp == _stamp(part, seed) else None
+
+
+def _stamp(part: Part, seed: int) -> str:
+    """Return what tells one making of a part from another."""
+    mission = "" if part.mission is None else load_mission(str(part.mission)).to_json()
+    return hashlib.sha256(f"{__version__} {part.key} {seed} {mission}".encode()).hexdigest()
+
+
+def _tallied(folder: Path, parts: list[Part], options: ThesisOptions, console: Console) -> list[SeedTally]:
+    """Fly the seeds that are missing, and count."""
+    flown = [part for part in parts if part.chapter >= 5 and part.mission is not None]  # noqa: PLR2004 - 5 and 6
+    if options.seeds == 0 or not flown:
+        return []
+    folder.mkdir(parents=True, exist_ok=True)
+    run_seeds(folder, flown, options.seeds, lambda tasks, fly: in_parallel(fly, tasks, options.jobs), console)
+    tallies = [tally(folder, part, options.seeds) for part in flown]
+    for tallied in tallies:
+        console.print(tallied.text, highlight=False, markup=False, soft_wrap=True)
+    return tallies

@@ -1,0 +1,41 @@
+"""Around an obstacle: at right angles where one is drawn at it, and as one likes elsewhere."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mpc_cover.control.detour import detour
+
+number = st.floats(-5.0, 5.0)
+
+
+def vectors(dimension):
+    return st.lists(number, min_size=dimension, max_size=dimension).map(np.array)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@given(data=st.data(), turn=st.sampled_from([-1.0, 1.0]))
+def test_nobody_goes_at_what_is_near(dimension, data, turn):
+    wish, position, centre = (data.draw(vectors(dimension)) for _ in range(3))
+    away = np.linalg.norm(centre - position)
+    if away < 1e-3:
+        return
+    went = detour(wish, position, centre[None], np.array([3.0]), turn)
+    towards = float(wish @ (centre - position)) / away
+    if away <= 3.0 and towards > 0.0:
+        assert float(went @ (centre - position)) == pytest.approx(0.0, abs=1e-9)
+        assert np.linalg.norm(went) == pytest.approx(np.linalg.norm(wish))
+        np.testing.assert_allclose(went, -detour(wish, position, centre[None], np.array([3.0]), -turn))
+    else:
+        np.testing.assert_array_equal(went, wish)
+
+
+def test_left_leaves_it_on_the_right():
+    went = detour(np.array([1.0, 0.0]), np.zeros(2), np.array([[1.0, 0.0]]), np.array([2.0]), 1.0)
+    np.testing.assert_allclose(went, [0.0, 1.0])
+
+
+def test_without_obstacles_the_wish_stays():
+    wish = np.array([1.0, 2.0])
+    assert detour(wish, np.zeros(2), np.empty((0, 2)), np.empty(0), 1.0) is wish

@@ -1,0 +1,165 @@
+"""A fleet without a controller on a virtual clock: it finishes, whatever is lost, and nothing comes too near."""
+
+import msgspec
+import numpy as np
+import pytest
+from swarm_missions import swarm_mission
+
+from mpc_cover.errors import UserError
+from mpc_cover.information.delay import adjacency
+from mpc_cover.mission.load import load_mission
+from mpc_cover.service.radio import Codec
+from mpc_cover.service.swarm_simulate import fly_swarm
+from mpc_cover.trajectory import save_trajectory
+from mpc_cover.verification.check import check_trajectory
+
+WIND = {"position_noise_m": 0.02, "input_noise_m_per_s2": 0.05, "wind_m_per_s2": [0.03, 0.0]}
+
+
+def holds(flight):
+    report = check_trajectory(flight.trajectory)
+    assert report.holds, str(report.first_failure)
+    return True
+
+
+@pytest.mark.parametrize(
+    "sections",
+    [
+        {},
+        {"fleet": {"dynamics": "single"}},
+        {"area": {"looks": 3}},
+        {"potential": {"delay_samples": 6}},
+        {"potential": {"spare_edges": False, "gain_m2_per_s": 2.0}},
+        {"fleet": {"links": [["a1", "a2"]]}},
+        {"disturbance": WIND},
+    ],
+    ids=["plain", "single", "three looks", "delayed", "tree only", "link", "windy"],
+)
+def test_all_is_covered_and_verified(sections):
+    mission = swarm_mission(**sections)
+    flight = fly_swarm(mission, seed=2)
+    assert flight.complete
+    assert np.isfinite(flight.trajectory.covered_at).all()
+    assert holds(flight)
+    if mission.fleet.links:
+        apart = np.linalg.norm(flight.trajectory.position[:, 0] - flight.trajectory.position[:, 1], axis=1)
+        assert apart.max() <= 3.5
+    if "windy" not in str(sections):
+        assert sum(text.endswith("and everyone knows") for text in flight.events) == 3
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_another(tmp_path):
+    mission, files = swarm_mission(), []
+    for number, seed in enumerate((5, 5, 6)):
+        files.append(tmp_path / f"{number}.npz")
+        save_trajectory(fly_swarm(mission, seed=seed).trajectory, files[-1])
+    first, second, other = (file.read_bytes() for file in files)
+    assert first == second
+    assert first != other
+
+
+@pytest.mark.parametrize("time_s", [0.0, 2.2, 2.3, 4.9, 8.0])
+@pytest.mark.parametrize("who", ["a1", "a3"])
+def test_the_others_finish_without_one_and_stay_together(who, time_s):
+    flight = fly_swarm(swarm_mission(4), seed=1, deaths={who: time_s})
+    assert flight.complete
+    assert flight.lost == (who,)
+    assert holds(flight), "separation from the dead, connectivity of the others"
+    assert np.isfinite(flight.trajectory.covered_at).all()
+
+
+def test_space_has_room_for_it_too():
+    """Three dimensions, and a range that just suffices to hear whom one could meet."""
+    flight = fly_swarm(load_mission("volume-3"), seed=0)
+    assert flight.complete
+    assert holds(flight)
+
+
+def test_two_may_die_and_the_last_one_finishes():
+    flight = fly_swarm(swarm_mission(3), deaths={"a2": 2.7, "a1": 5.0})
+    assert flight.complete
+    assert holds(flight)
+
+
+def test_a_dead_agent_that_rests_before_the_last_cell_is_gone_around():
+    """Behind it lies a cell that a potential alone never reaches."""
+    flight = fly_swarm(swarm_mission(3, size=3.0, area={"looks": 4}), seed=20, deaths={"a3": 3.4})
+    assert flight.complete
+    assert holds(flight)
+
+
+def test_when_all_die_nothing_is_complete():
+    flight = fly_swarm(swarm_mission(2), deaths={"a1": 1.0, "a2": 2.0})
+    assert not flight.complete
+
+
+def test_words_that_get_lost_cost_time_only():
+    rng = np.random.default_rng(0)
+
+    def channel(key, payload):
+        return [] if key.endswith("/word") and rng.random() < 0.15 else [payload, payload]
+
+    flight = fly_swarm(swarm_mission(4), seed=3, channel=channel)
+    assert flight.complete, "what is missed is asked for again"
+    assert holds(flight)
+
+
+def test_nobody_believes_who_is_out_of_range():
+    """Whoever an agent says that it has heard was within rho_C at that sample."""
+    mission, states, heard = swarm_mission(4, size=8.0), {}, []
+    codec = Codec(mission)
+
+    def channel(key, payload):
+        if key.endswith("/word"):
+            own = codec.report(codec.word(payload).own)
+            if not own.promised:
+                states[own.sample, own.agent] = own.position
+                heard.append(own)
+        return [payload]
+
+    assert fly_swarm(mission, seed=4, channel=channel).complete
+    apart = 0
+    for report in heard:
+        before = report.sample - 1
+        for other in range(4):
+            if other == report.agent or (before, other) not in states or (before, report.agent) not in states:
+                continue
+            near = adjacency(np.array([states[before, report.agent], states[before, other]]), 3.5)[0, 1]
+            assert near or other not in report.heard
+            apart += not near
+    assert apart > 20, "they were out of each other's range for a while"
+
+
+def test_maps_over_estimate_until_word_comes():
+    mission = swarm_mission(4, size=6.0)
+    owed = {}
+
+    def channel(key, payload):
+        if key.endswith("/word"):
+            word = msgspec.json.decode(payload)
+            owed.setdefault(word["own"]["sample"], {})[word["agent"]] = word.get("owed", 0)
+        return [payload]
+
+    flight = fly_swarm(mission, seed=1, channel=channel)
+    for sample, each in owed.items():
+        true = (flight.trajectory.covered_at > (sample - 1) * 0.5 + 1e-9).sum()
+        assert min(each.values()) >= true
+
+
+def test_time_runs_out():
+    flight = fly_swarm(swarm_mission(control={"time_limit_s": 3.0}))
+    assert not flight.complete
+    assert any("gives up after 3 s" in text for text in flight.events)
+
+
+@pytest.mark.parametrize(
+    ("sections", "message"),
+    [
+        ({"disturbance": {"slow_agents": {"a1": 0.5}}}, "slow_agents"),
+        ({"fleet": {"communication_range_m": 1.9}}, "must be at least"),
+        ({"disturbance": {"input_noise_m_per_s2": 0.5}}, "must be at least"),
+    ],
+)
+def test_a_mission_that_the_law_cannot_fly_is_refused(sections, message):
+    with pytest.raises(UserError, match=message):
+        fly_swarm(swarm_mission(**sections))
