@@ -29,10 +29,9 @@ def information_of(mission: Mission) -> Information:
     given = mission.spec.information
     if isinstance(given, kinds.KalmanInformation):
         return KalmanInformation(given.prior_variance, given.noise_variance, given.target_variance, given.field.bumps)
-    if mission.spec.looks_again and mission.spec.looks == 1:
-        raise UserError(
-            f"mission {mission.spec.name}: information.kind {given.kind}: must be coverage, looks or kalman"
-        )
+    kind = mission.spec.information_kind
+    if kind not in {"coverage", "looks"}:
+        raise UserError(f"mission {mission.spec.name}: information.kind {kind}: must be coverage, looks or kalman")
     return LookInformation(mission.spec.looks)
 
 

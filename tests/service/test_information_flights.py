@@ -77,7 +77,7 @@ def test_where_no_way_on_is_found_in_flight_it_is_planned_at_rest(monkeypatch):
         return as_flown(task, still, task.flown(still, task.least_steps))
 
     monkeypatch.setattr(brain._engine, "quick", nothing)
-    monkeypatch.setattr(brain._engine, "whole", lambda task, deadline: prepared.append(task) or one_lap(task))
+    monkeypatch.setattr(brain._engine, "whole", lambda task, deadline, effort_s=None: prepared.append(task) or one_lap(task))
     result = simulate(mission, brain=brain)
     assert result.complete
     assert len(prepared) > 1
