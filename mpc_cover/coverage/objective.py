@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.coverage.nearest import nearest_samples
+from mpc_cover.model.sensing import TIE
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
@@ -19,7 +20,9 @@ def coverage_cost(
 
     `position` is (N+1, m, d) [m]; `cell` (K, d) [m]; `radius` (m, J) [m], -inf where an agent cannot
     measure a magnitude; `weight` (J, K) is gamma. A pair that is owed r `looks` (J, K) costs the sum of its r
-    smallest values, each through pos.
+    smallest values, each through pos. What lies within a rounding error of a sensing disc counts as inside it,
+    as in `model.sensing.measured`: J is 0 exactly when nothing is owed.
     """
     nearest = nearest_samples(position, cell, radius, weight, 1, looks)
-    return float(nearest.weight @ np.maximum(nearest.excess[:, 0], 0.0))
+    excess = nearest.excess[:, 0]
+    return float(nearest.weight @ np.where(excess > TIE, excess, 0.0))

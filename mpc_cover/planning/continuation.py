@@ -38,6 +38,9 @@ _SHARP = 30.0
 _LOOSE, _FINE = 1e-3, {"osqp": 1e-3, "clarabel": 1e-4, "piqp": 1e-4}
 """An inexact QP inside the SQP costs little: the roll-out is exact and the merit judges the step."""
 
+_HARD, _ACCURATE = 300.0, {"osqp": 1e-5, "clarabel": 1e-9, "piqp": 1e-9}
+"""Sharpness and tolerance with which the last of all is settled."""
+
 
 @dataclass(frozen=True, eq=False)
 class Refined:
@@ -123,6 +126,32 @@ def refine(
         if better(found, best):
             best = found
     return Refined(best.x, best.cost, best.violation, tuple(stages))
+
+
+def settled(
+    window: Window, best: Refined, backend: Backend, *, deadline: float | None = None, exact_cones: bool = False
+) -> Refined:
+    """Return the better of a motion and what becomes of it without any sensing margin, by accurate QPs.
+
+    For motions that leave next to nothing: margins that make up for soft minima forbid what only just fits, as cells
+    exactly two radii apart that one straight path measures.
+    """
+    if late(deadline):
+        return best
+    scale = length_scale(window)
+    settings = Settings(softness_at(_HARD, scale, margin=0.0), exact_cones=exact_cones)
+    options = sqp.Options(
+        max_iterations=12,
+        optimality=1e-12,
+        feasibility=FEASIBILITY,
+        smallest_step=1e-12,
+        region=TrustRegion(0.1 * scale, smallest=1e-6 * scale, largest=scale, shrink=0.4, grow=1.5),
+        line_search=Backtracking(most=2),
+        qp=QPOptions(tolerance=_ACCURATE[backend.name]),
+    )
+    result = sqp.solve(CoverageProblem(window, settings), best.x, backend, options, deadline=deadline)
+    found = judge(window, result.x)
+    return replace(found if better(found, best) else best, stages=(*best.stages, result))
 
 
 def judge(window: Window, x: FloatArray) -> Refined:

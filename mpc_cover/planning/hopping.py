@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.coverage.nearest import still_owed
-from mpc_cover.planning.continuation import MARGIN, better, judge, length_scale, refine
+from mpc_cover.planning.continuation import MARGIN, better, judge, length_scale, refine, settled
 from mpc_cover.planning.deadline import late
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mpc_cover.planning.window import Window
     from solvers.backends.base import Backend
 
-_AMPLITUDES = (0.3, 0.6, 1.0, 2.0)
+_AMPLITUDES = (0.15, 0.3, 0.6, 1.0, 2.0)
 """How far a shake moves a motion, in sensing radii: small ones repair, large ones rearrange."""
 _MODES = 4
 """A shake is a sum of so many sines over the window: smooth enough to be nearly flyable."""
@@ -34,6 +34,8 @@ _AFRESH = 3
 """Every so many hops one begins from a guess."""
 _KICKS, _KICK, _KICKED = 4, 4.0, (10.0, 30.0, 100.0)
 """What is uncovered weighs so much more, so many times, and the stages that follow."""
+_WORTH_SETTLING = 0.01
+"""Less than this many sensing radii of cost may be no more than the sensing margins' doing."""
 _WORTH_KICKING = 1.0
 """More than this many sensing radii of cost is no matter of a few cells."""
 
@@ -101,7 +103,8 @@ def hopped(
         found = refine(window, x, backend, region=0.5, margin=margin, deadline=deadline, exact_cones=exact_cones)
         stages += found.stages
         if better(found, best):
-            best = found
+            best = kicked(window, replace(found, stages=()), backend, deadline=deadline, exact_cones=exact_cones)
+            stages += best.stages
             if told is not None:
                 told(best)
     return replace(best, stages=stages)
@@ -111,10 +114,16 @@ def kicked(
     window: Window, best: Refined, backend: Backend, *, deadline: float | None = None, exact_cones: bool = False
 ) -> Refined:
     """Return the best of a motion and what it becomes when the few cells that it leaves weigh more and more."""
-    stages, weight = best.stages, window.weight
+    stages, weight, scale = best.stages, window.weight, length_scale(window)
     for _ in range(_KICKS):
-        if _complete(best) or best.cost > _WORTH_KICKING * length_scale(window) or not best.feasible:
+        if _complete(best) or best.cost > _WORTH_KICKING * scale or not best.feasible:
             break
+        if best.cost < _WORTH_SETTLING * scale:
+            tight = settled(window, replace(best, stages=()), backend, deadline=deadline, exact_cones=exact_cones)
+            stages += tight.stages
+            best = tight
+            if _complete(best):
+                break
         position, _velocity = window.motion(best.x)
         left = still_owed(position, window.cell, window.fleet.radius, window.weight) > 0.0
         weight = np.where(left, _KICK * weight, weight)
