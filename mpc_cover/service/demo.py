@@ -10,7 +10,7 @@ from mpc_cover.clock import MonotonicClock
 from mpc_cover.errors import UserError
 from mpc_cover.service.daemon import INTERRUPTED, Signals
 from mpc_cover.service.demo_processes import Processes
-from mpc_cover.service.demo_watch import COMPLETE, Watch
+from mpc_cover.service.demo_watch import Watch, ended_well
 from mpc_cover.service.network import NetworkOptions
 from mpc_cover.service.observer import Observer
 from mpc_cover.service.processes import free_port
@@ -71,7 +71,8 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
             observer = Observer(mission, transport, clock)
             try:
                 with Progress(console) as progress:
-                    outcome = Watch(fleet, observer, signals, progress, options.deaths).until_over()
+                    watch = Watch(fleet, observer, signals, progress, options.deaths, over=ended_well(mission))
+                    outcome = watch.until_over()
             finally:
                 died = [agent.name for agent in fleet.dead_agents()]
                 fleet.end()
@@ -80,7 +81,7 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
         console.print(f"{outcome}; writes the run folder", highlight=False, markup=False, soft_wrap=True)
         summary = _write(mission, options, folder, outcome, fleet.restarts, died)
     complete = (
-        outcome.startswith(COMPLETE)
+        outcome.startswith(ended_well(mission))
         and summary is not None
         and summary.holds
         and summary.covered_cells == summary.cells
