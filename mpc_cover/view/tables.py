@@ -55,8 +55,14 @@ def _margin(margin: float, unit: str) -> str:
 
 def _information(figures: dict[str, Any]) -> str:
     """Return the figures of a mission's kind of information in a line; those that there are not are left out."""
-    shown = [f"{name.replace('_', ' ')} {value:.4g}" for name, value in figures.items() if isinstance(value, float)]
+    shown = [_figure(name, value) for name, value in figures.items() if isinstance(value, float)]
     return f"{figures['kind']}: {', '.join(shown)}"
+
+
+def _figure(name: str, value: float) -> str:
+    """Return a figure with its name; names of seconds end in _s."""
+    unit = " s" if name.endswith("_s") else ""
+    return f"{name.removesuffix('_s').replace('_', ' ')} {value:.4g}{unit}"
 
 
 def _rows(summary: RunSummary) -> Iterator[tuple[str, Text]]:
