@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.run_folder import RunFolder
     from mpc_cover.service.transport import ZenohTransport
@@ -121,10 +122,25 @@ def _write(
         "backend": options.backend,
         "speed": options.speed,
     }
+    return write_records(mission, folder, meta, extra, died, step_times_of(times))
+
+
+def write_records(
+    mission: Mission,
+    folder: RunFolder,
+    meta: dict[str, Any],
+    extra: dict[str, Any],
+    died: list[str],
+    step_times: FloatArray,
+) -> RunSummary | None:
+    """Merge the agents' records and write the run folder; None, with the problem in summary.json, where they lack.
+
+    `meta` goes into the trajectory, `extra` into the summary; `step_times` is (S,) [s].
+    """
     try:
         records = [read_record(folder.record(name))[1] for name in mission.fleet.ids]
         trajectory = merge(mission, records, meta, died)
     except UserError as error:
         folder.write_summary({**extra, "problem": str(error)})
         return None
-    return folder.write(trajectory, step_times_of(times), extra)
+    return folder.write(trajectory, step_times, extra)

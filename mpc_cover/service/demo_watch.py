@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from mpc_cover.service.messages import Phase
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.daemon import Signals
@@ -32,6 +32,14 @@ PATROLLED = "the patrol is over"
 def ended_well(mission: Mission) -> str:
     """Return what a flight that ended as it should begins to say: a patrol never has everything covered for good."""
     return PATROLLED if mission.spec.information and mission.spec.information.kind == "ageing" else COMPLETE
+
+
+def kill_due(agents: Sequence[Child], deaths: dict[str, float], mission_time_s: float) -> None:
+    """Kill whose time [s] has come, and forget its death."""
+    for agent in agents:
+        if mission_time_s >= deaths.get(agent.name, math.inf):
+            del deaths[agent.name]
+            agent.kill()
 
 
 class Watch:
@@ -71,17 +79,10 @@ class Watch:
                 self._progress.say(event)
             if self._observer.status is not None:
                 self._progress.show(self._observer.status)
-                self._kill_at(self._observer.status.mission_time_s)
+                kill_due(self._processes.agents, self._deaths, self._observer.status.mission_time_s)
             if (outcome := self._outcome()) is not None:
                 return outcome
         return "interrupted"
-
-    def _kill_at(self, mission_time_s: float) -> None:
-        """Kill whose time has come, by the newest status."""
-        for agent in self._processes.agents:
-            if mission_time_s >= self._deaths.get(agent.name, math.inf):
-                del self._deaths[agent.name]
-                agent.kill()
 
     def _children(self) -> list[Child]:
         controller = self._processes.controller

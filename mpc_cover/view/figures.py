@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpc_cover.errors import UserError
-from mpc_cover.verification.summary import floor_percent
+from mpc_cover.verification.summary import floor_percent, time_for_a_step
 from mpc_cover.view.information import draw_ages, headline_of_patrol, is_patrol
 from mpc_cover.view.maps import draw_map
 from mpc_cover.view.series import draw_coverage, draw_distances, draw_inputs, draw_speeds, draw_step_times
@@ -91,7 +91,7 @@ def _panels(trajectory: Trajectory, step_times: FloatArray | None) -> dict[str, 
     if len(trajectory.agent_id) > 1:
         panels["distances"] = lambda axes: draw_distances(axes, trajectory)
     if step_times is not None:
-        period = trajectory.mission.spec.control.period_s
+        period = time_for_a_step(trajectory)
         panels["steps"] = lambda axes: draw_step_times(axes, step_times, period)
     return panels
 

@@ -59,6 +59,12 @@ def _information(figures: dict[str, Any]) -> str:
     return f"{figures['kind']}: {', '.join(shown)}"
 
 
+def _warning(figures: dict[str, Any]) -> str:
+    """Return the style of what a patrol let grow too old."""
+    worst = figures.get("worst_age_after_first_lap_s")
+    return "bold red" if worst is not None and worst > figures["age_limit_s"] else ""
+
+
 def _figure(name: str, value: float) -> str:
     """Return a figure with its name; names of seconds end in _s."""
     unit = " s" if name.endswith("_s") else ""
@@ -71,7 +77,7 @@ def _rows(summary: RunSummary) -> Iterator[tuple[str, Text]]:
     times = (summary.time_to_90_s, summary.time_to_95_s, summary.time_to_99_s, summary.time_to_100_s)
     yield "time to 90 / 95 / 99 / 100 %", Text(" / ".join(_or(time, "{:.1f} s", "never") for time in times))
     if summary.information is not None:
-        yield "information", Text(_information(summary.information))
+        yield "information", Text(_information(summary.information), style=_warning(summary.information))
     if summary.swath_bound_s is not None:
         ratio = _or(summary.ratio_to_bound, "99 % after {:.2f} times that", "99 % never reached")
         yield "swath bound", Text(f"{summary.swath_bound_s:.1f} s; {ratio}")
