@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path  # noqa: TC003 - typer reads the annotations
 from typing import Annotated
 
 import typer
+
+from mpc_cover.cli_options import Json, console_for, print_json
 
 
 def size(
     area: Annotated[float, typer.Option("--area", help="Area to be measured [m^2].")] = 100.0,
     radius: Annotated[float, typer.Option("--radius", help="Sensing radius [m].")] = 1.0,
     speed: Annotated[float, typer.Option("--speed", help="Speed of an agent [m/s].")] = 1.5,
-    cover: Annotated[float, typer.Option("--cover", help="Part of the area that a round covers, 0 to 1.")] = 0.95,
+    cover: Annotated[
+        float, typer.Option("--cover", help="Part of the area that a round covers, between 0 and 1.")
+    ] = 0.95,
     rate: Annotated[float | None, typer.Option("--rate", help="Rounds a second [Hz]: how many agents is that?")] = None,
     agents: Annotated[
         str, typer.Option("--agents", metavar="N,...", help="What rate do so many agents give? Simulated, too.")
@@ -27,12 +29,10 @@ def size(
     ] = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="The first seed.")] = 0,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for figures 1.1 and 1.2.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """How many agents for a wanted rate of measurement, what rate for a number, and how far the model is off."""
-    from rich.console import Console  # noqa: PLC0415 - every import here is one that others need not wait for
-
-    from mpc_cover.studies.sizing_study import (  # noqa: PLC0415
+    from mpc_cover.studies.sizing_study import (  # noqa: PLC0415 - --help need not wait for these
         SizingOptions,
         draw_sizing,
         make_folder,
@@ -41,7 +41,7 @@ def size(
     )
     from mpc_cover.studies.sizing_study import size as answer_of  # noqa: PLC0415
 
-    console = Console(stderr=as_json)
+    console = console_for(as_json=as_json)
 
     def told(text: str) -> None:
         console.print(text, highlight=False, markup=False, soft_wrap=True)
@@ -55,4 +55,4 @@ def size(
     for file in draw_sizing(answer, out) if out is not None else []:
         told(f"written to {file}")
     if as_json:
-        sys.stdout.write(json.dumps(answer.to_dict(), allow_nan=False) + "\n")
+        print_json(answer.to_dict())

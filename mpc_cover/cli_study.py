@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import sys
 from pathlib import Path  # noqa: TC003 - typer reads the annotations
@@ -11,6 +10,7 @@ from typing import Annotated
 import typer
 
 from mpc_cover import cli_thesis
+from mpc_cover.cli_options import Jobs, Json, Missions, console_for, cores, print_json
 from mpc_cover.errors import UserError
 
 app = typer.Typer(
@@ -20,10 +20,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-Missions = Annotated[
-    list[str], typer.Argument(metavar="MISSION...", help="Mission files (YAML), or names of those that come along.")
-]
 
 
 app.command()(cli_thesis.thesis)
@@ -51,24 +47,17 @@ def horizon(
     starts: Annotated[
         str, typer.Option("--starts", help="random: drawn for each seed; mission: the mission's.")
     ] = "random",
-    jobs: Annotated[
-        int | None,
-        typer.Option("--jobs", min=1, help="Runs at a time on this machine; default as many as it has cores."),
-    ] = None,
+    jobs: Jobs = None,
     dask: Annotated[
         str | None, typer.Option("--dask", metavar="ADDRESS", help="Fly on a Dask cluster, as tcp://host:8786.")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the result as JSON on stdout, all else on stderr.")
-    ] = False,
+    as_json: Json = False,
 ) -> None:
     """Fly missions over and over, from random starts, with different horizons, and compare.
 
     A study that was stopped goes on where it was; changed options add runs to the folder's others.
     """
-    from rich.console import Console  # noqa: PLC0415 - every import here is one that others need not wait for
-
-    from mpc_cover.studies.crew import DaskCrew, LocalCrew  # noqa: PLC0415
+    from mpc_cover.studies.crew import DaskCrew, LocalCrew  # noqa: PLC0415 - --help need not wait for these
     from mpc_cover.studies.grid import Grid  # noqa: PLC0415
     from mpc_cover.studies.horizon import run_study  # noqa: PLC0415
 
@@ -83,11 +72,11 @@ def horizon(
         controllers=_listed(controllers),
         starts=starts,
     )
-    crew = DaskCrew(dask) if dask is not None else LocalCrew(jobs or _cores())
+    crew = DaskCrew(dask) if dask is not None else LocalCrew(jobs or cores())
     command = shlex.join(["mpc-cover", *sys.argv[1:]])
-    result = run_study(grid, out, crew, Console(stderr=as_json), command=command)
+    result = run_study(grid, out, crew, console_for(as_json=as_json), command=command)
     if as_json:
-        sys.stdout.write(json.dumps({"folder": str(out), **result.to_dict()}, allow_nan=False) + "\n")
+        print_json({"folder": str(out), **result.to_dict()})
     raise typer.Exit(result.exit_status)
 
 
@@ -107,9 +96,3 @@ def _seconds(text: str | None) -> list[float]:
         return [float(part.removesuffix("s")) for part in parts]
     except ValueError:
         raise UserError(f"--periods {text}: must be numbers of seconds, separated by commas") from None
-
-
-def _cores() -> int:
-    from joblib import cpu_count  # noqa: PLC0415 - it knows the limits of containers
-
-    return int(cpu_count())

@@ -62,9 +62,11 @@ def simulate(
 
     with Progress(console) as progress:
         flight = fly_swarm(mission, seed=seed, deaths=deaths, on_tick=progress.show)
+    console.print(flight.outcome, highlight=False, markup=False, soft_wrap=True)
     every = np.array([taken for each in flight.decide_s.values() for taken in each])
     extra: dict[str, Any] = {
         "complete": flight.complete,
+        "outcome": flight.outcome,
         "controller": "potential",
         "lost": list(flight.lost),
         "messages": flight.messages,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import sys
 from pathlib import Path  # noqa: TC003 - typer reads the annotations
@@ -10,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-Jobs = Annotated[int | None, typer.Option("--jobs", min=1, help="Runs at a time; default as many as there are cores.")]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout, all else on stderr.")]
+from mpc_cover.cli_options import Backend, Jobs, Json, Missions, check_backend, console_for, cores, print_json
 
 
 def thesis(
@@ -21,7 +19,7 @@ def thesis(
     only: Annotated[
         list[str] | None, typer.Option("--only", metavar="FIGURE", help="A figure as 6.2, or a mission; repeatable.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the flights and plans that are drawn.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the flights and plans that are drawn.")] = 1,
     seeds: Annotated[
         int, typer.Option("--seeds", min=0, max=100_000, help="Fly chapters 5 and 6 from so many random starts, too.")
     ] = 0,
@@ -32,30 +30,25 @@ def thesis(
 
     A study that was stopped goes on where it was. Exit status 1 when something is not as the thesis says.
     """
-    from joblib import cpu_count  # noqa: PLC0415 - every import here is one that others need not wait for
-    from rich.console import Console  # noqa: PLC0415
+    from mpc_cover.studies.thesis_study import ThesisOptions, run_thesis  # noqa: PLC0415 - --help need not wait for it
 
-    from mpc_cover.studies.thesis_study import ThesisOptions, run_thesis  # noqa: PLC0415
-
-    console = Console(stderr=as_json)
-    options = ThesisOptions(seed, seeds, tuple(only or ()), jobs or int(cpu_count()))
+    console = console_for(as_json=as_json)
+    options = ThesisOptions(seed, seeds, tuple(only or ()), jobs or cores())
     result = run_thesis(out, options, console, shlex.join(["mpc-cover", *sys.argv[1:]]))
     for problem in result.problems:
         console.print(problem, style="bold red", highlight=False, markup=False)
     console.print(f"written to {result.page}", highlight=False, markup=False, soft_wrap=True)
     if as_json:
-        sys.stdout.write(json.dumps(result.to_dict(), allow_nan=False) + "\n")
+        print_json(result.to_dict())
     raise typer.Exit(result.exit_status)
 
 
 def laws(
-    missions: Annotated[
-        list[str], typer.Argument(metavar="MISSION...", help="Mission files (YAML), or names of those that come along.")
-    ],
+    missions: Missions,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for laws.csv and laws.json.")] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=10_000, help="How many seeds, from 0 on.")] = 3,
     starts: Annotated[str, typer.Option("--starts", help="random: drawn for each seed; mission: its own.")] = "random",
-    backend: Annotated[str, typer.Option("--backend", help="QP back-end: piqp, clarabel or osqp.")] = "piqp",
+    backend: Backend = "piqp",
     jobs: Jobs = None,
     as_json: Json = False,
 ) -> None:
@@ -63,19 +56,13 @@ def laws(
 
     Exit status 1 when a flight was not completed, or a check of the independent verifier fails.
     """
-    from joblib import cpu_count  # noqa: PLC0415 - every import here is one that others need not wait for
-    from rich.console import Console  # noqa: PLC0415
+    from mpc_cover.studies.laws import LawsOptions, run_laws  # noqa: PLC0415 - --help need not wait for it
 
-    from mpc_cover.errors import UserError  # noqa: PLC0415
-    from mpc_cover.studies.laws import LawsOptions, run_laws  # noqa: PLC0415
-    from solvers.backends.registry import BACKENDS  # noqa: PLC0415 - imports no back-end
-
-    if backend not in BACKENDS:
-        raise UserError(f"--backend {backend}: is none: must be one of {', '.join(BACKENDS)}")
-    options = LawsOptions(tuple(missions), seeds, starts, backend, jobs or int(cpu_count()))
-    runs = run_laws(options, out, Console(stderr=as_json))
+    check_backend(backend)
+    options = LawsOptions(tuple(missions), seeds, starts, backend, jobs or cores())
+    runs = run_laws(options, out, console_for(as_json=as_json))
     if as_json:
         from msgspec.structs import asdict  # noqa: PLC0415
 
-        sys.stdout.write(json.dumps({"runs": [asdict(run) for run in runs]}, allow_nan=False) + "\n")
+        print_json({"runs": [asdict(run) for run in runs]})
     raise typer.Exit(0 if all(run.complete and run.violations == 0 for run in runs) else 1)

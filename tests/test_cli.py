@@ -111,7 +111,7 @@ def test_nothing_heavy_is_imported_by_an_agent(tmp_path):
     heavy = ["scipy", "cvxpy", "matplotlib", "osqp", "clarabel", "piqp", "shapely", "rich"]
     code = (
         "import sys, mpc_cover.cli, mpc_cover.service.serving, mpc_cover.service.agent, mpc_cover.service.recorder\n"
-        f"mpc_cover.cli._load('box-3'); print([name for name in {heavy} if name in sys.modules])"
+        f"mpc_cover.cli_options.load('box-3'); print([name for name in {heavy} if name in sys.modules])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
     assert out.stdout.strip() in ("[]", "['rich']")  # typer brings rich along

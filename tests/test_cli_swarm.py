@@ -59,6 +59,7 @@ def test_simulate_without_a_controller(run):
     assert data["complete"]
     assert data["covered_percent"] == 100.0
     assert data["controller"] == "potential"
+    assert data["outcome"] == "everything is covered"
     assert data["messages"] > 0
     assert run("check", "r")[0] == 0
 
@@ -71,6 +72,14 @@ def test_simulate_without_a_controller(run):
         (["simulate", "fig-5-1"], "fly it with --controller potential"),
         (["agent", "fig-5-1", "--id", "a1"], "fly it with --controller potential"),
         (["plan", "fig-5-1"], "fly it with --controller potential"),
+        (["serve", "fig-5-1"], "fly it with --controller potential"),
+        (["bench", "planner", "fig-5-1"], "fly it with --controller potential"),
+        (["bench", "step", "fig-5-1"], "fly it with --controller potential"),
+        (["bench", "step", "tiny.yaml", "--backend", "gurobi"], "--backend gurobi: is none: must be one of"),
+        (["simulate", "tiny.yaml", "--controller", "potential", "--backend", "osqp"], "solves no QP"),
+        (["demo", "tiny.yaml", "--controller", "potential", "--backend", "piqp"], "solves no QP"),
+        (["plan", "tiny.yaml", "--all", "."], "both given: plan one mission, or a folder"),
+        (["plan", "tiny.yaml", "--out", "/proc/plan.npz"], "--out /proc/plan.npz: cannot be written"),
         (["agent", "tiny.yaml", "--id", "zz", "--controller", "potential"], "its agents are a1, a2"),
         (["simulate", "near.yaml", "--controller", "potential"], "communication range 2 m: must be at least"),
     ],

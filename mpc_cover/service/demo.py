@@ -10,7 +10,7 @@ from mpc_cover.clock import MonotonicClock
 from mpc_cover.errors import UserError
 from mpc_cover.service.daemon import INTERRUPTED, Signals
 from mpc_cover.service.demo_processes import Processes
-from mpc_cover.service.demo_watch import COMPLETE, Watch
+from mpc_cover.service.demo_watch import Watch, ended_well
 from mpc_cover.service.network import NetworkOptions
 from mpc_cover.service.observer import Observer
 from mpc_cover.service.processes import free_port
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.run_folder import RunFolder
     from mpc_cover.service.transport import ZenohTransport
@@ -71,7 +72,8 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
             observer = Observer(mission, transport, clock)
             try:
                 with Progress(console) as progress:
-                    outcome = Watch(fleet, observer, signals, progress, options.deaths).until_over()
+                    watch = Watch(fleet, observer, signals, progress, options.deaths, over=ended_well(mission))
+                    outcome = watch.until_over()
             finally:
                 died = [agent.name for agent in fleet.dead_agents()]
                 fleet.end()
@@ -80,7 +82,7 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
         console.print(f"{outcome}; writes the run folder", highlight=False, markup=False, soft_wrap=True)
         summary = _write(mission, options, folder, outcome, fleet.restarts, died)
     complete = (
-        outcome.startswith(COMPLETE)
+        outcome.startswith(ended_well(mission))
         and summary is not None
         and summary.holds
         and summary.covered_cells == summary.cells
@@ -120,10 +122,25 @@ def _write(
         "backend": options.backend,
         "speed": options.speed,
     }
+    return write_records(mission, folder, meta, extra, died, step_times_of(times))
+
+
+def write_records(
+    mission: Mission,
+    folder: RunFolder,
+    meta: dict[str, Any],
+    extra: dict[str, Any],
+    died: list[str],
+    step_times: FloatArray,
+) -> RunSummary | None:
+    """Merge the agents' records and write the run folder; None, with the problem in summary.json, where they lack.
+
+    `meta` goes into the trajectory, `extra` into the summary; `step_times` is (S,) [s].
+    """
     try:
         records = [read_record(folder.record(name))[1] for name in mission.fleet.ids]
         trajectory = merge(mission, records, meta, died)
     except UserError as error:
         folder.write_summary({**extra, "problem": str(error)})
         return None
-    return folder.write(trajectory, step_times_of(times), extra)
+    return folder.write(trajectory, step_times, extra)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from mpc_cover.service.messages import Phase
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
+    from mpc_cover.mission.load import Mission
     from mpc_cover.service.daemon import Signals
     from mpc_cover.service.demo_processes import Processes
     from mpc_cover.service.observer import Observer
@@ -25,12 +26,27 @@ PATIENCE_S = 1.0
 MOURNING_S = 3.0
 """A controller that still waits for a dead agent after this time will not do without it [s]."""
 COMPLETE = "everything is covered"
+PATROLLED = "the patrol is over"
+
+
+def ended_well(mission: Mission) -> str:
+    """Return what a flight that ended as it should begins to say: a patrol never has everything covered for good."""
+    return PATROLLED if mission.spec.information and mission.spec.information.kind == "ageing" else COMPLETE
+
+
+def kill_due(agents: Sequence[Child], deaths: dict[str, float], mission_time_s: float) -> None:
+    """Kill whose time [s] has come, and forget its death."""
+    for agent in agents:
+        if mission_time_s >= deaths.get(agent.name, math.inf):
+            del deaths[agent.name]
+            agent.kill()
 
 
 class Watch:
     """Looks until the mission is over, one way or another.
 
-    `deaths` is at which mission time [s] agents are to be killed, by id; `monotonic` is the machine's clock.
+    `deaths` is at which mission time [s] agents are to be killed, by id; `monotonic` is the machine's clock,
+    `over` what to say when all went well.
     """
 
     def __init__(
@@ -41,7 +57,9 @@ class Watch:
         progress: Progress,
         deaths: Mapping[str, float] | None = None,
         monotonic: Callable[[], float] = time.monotonic,
+        over: str = COMPLETE,
     ) -> None:
+        self._over = over
         self._deaths = dict(deaths or {})
         self._processes, self._observer = processes, observer
         self._signals, self._progress, self._monotonic = signals, progress, monotonic
@@ -61,17 +79,10 @@ class Watch:
                 self._progress.say(event)
             if self._observer.status is not None:
                 self._progress.show(self._observer.status)
-                self._kill_at(self._observer.status.mission_time_s)
+                kill_due(self._processes.agents, self._deaths, self._observer.status.mission_time_s)
             if (outcome := self._outcome()) is not None:
                 return outcome
         return "interrupted"
-
-    def _kill_at(self, mission_time_s: float) -> None:
-        """Kill whose time has come, by the newest status."""
-        for agent in self._processes.agents:
-            if mission_time_s >= self._deaths.get(agent.name, math.inf):
-                del self._deaths[agent.name]
-                agent.kill()
 
     def _children(self) -> list[Child]:
         controller = self._processes.controller
@@ -86,7 +97,7 @@ class Watch:
             case None:
                 return None
             case 0:
-                return f"{COMPLETE} without {', '.join(self._told)}" if self._told else COMPLETE
+                return f"{self._over} without {', '.join(self._told)}" if self._told else self._over
             case 1:
                 return "the controller gave up: " + (controller.last_lines(1) or "see its log")
             case 2:

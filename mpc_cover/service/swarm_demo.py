@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -11,15 +10,12 @@ import numpy as np
 from mpc_cover import __version__
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.control.potential_setup import check_flyable
-from mpc_cover.errors import UserError
 from mpc_cover.service.daemon import INTERRUPTED, Signals
-from mpc_cover.service.demo import DemoOptions, DemoResult, open_observer
+from mpc_cover.service.demo import DemoOptions, DemoResult, open_observer, write_records
 from mpc_cover.service.demo_processes import CONNECT_TIMEOUT_S
-from mpc_cover.service.demo_watch import COMPLETE, LOOK_S, MOURNING_S
+from mpc_cover.service.demo_watch import COMPLETE, LOOK_S, MOURNING_S, kill_due
 from mpc_cover.service.processes import Child, end_all, free_port
 from mpc_cover.service.progress import Progress
-from mpc_cover.service.recorder import read_record
-from mpc_cover.service.recording import merge
 from mpc_cover.service.swarm_watch import SwarmObserver
 
 if TYPE_CHECKING:
@@ -81,17 +77,10 @@ class _Fleet:
                 progress.say(event)
             if observer.status is not None:
                 progress.show(observer.status)
-                self._kill_at(observer.status.mission_time_s)
+                kill_due(self.agents, self._deaths, observer.status.mission_time_s)
             if (outcome := self._outcome(observer, progress)) is not None:
                 return outcome
         return "interrupted"
-
-    def _kill_at(self, mission_time_s: float) -> None:
-        """Kill whose time has come, by the newest status."""
-        for agent in self.agents:
-            if mission_time_s >= self._deaths.get(agent.name, math.inf):
-                del self._deaths[agent.name]
-                agent.kill()
 
     def end(self) -> None:
         """End all."""
@@ -147,10 +136,4 @@ def _write(
         "speed": options.speed,
         "controller": "potential",
     }
-    try:
-        records = [read_record(folder.record(name))[1] for name in mission.fleet.ids]
-        trajectory = merge(mission, records, meta, died)
-    except UserError as error:
-        folder.write_summary({**extra, "problem": str(error)})
-        return None
-    return folder.write(trajectory, np.empty(0), extra)
+    return write_records(mission, folder, meta, extra, died, np.empty(0))

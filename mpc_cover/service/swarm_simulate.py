@@ -43,6 +43,13 @@ class SwarmFlight:
     messages: int
     bytes: int
 
+    @property
+    def outcome(self) -> str:
+        """How it ended, in words."""
+        if not self.complete:
+            return "not everyone knows that everything is covered"
+        return f"everything is covered without {', '.join(self.lost)}" if self.lost else "everything is covered"
+
 
 def fly_swarm(
     mission: Mission,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cProfile
 import math
 import pstats
+import tempfile
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -106,6 +107,11 @@ def _check_writable(file: Path) -> None:
         raise UserError(f"--out {file}: must end in .npz")
     if file.is_dir() or not file.parent.is_dir():
         raise UserError(f"--out {file}: cannot be written: must be a file in a folder that exists")
+    try:
+        with tempfile.TemporaryFile(dir=file.parent):
+            pass
+    except OSError as error:
+        raise UserError(f"--out {file}: cannot be written: {error.strerror or error}") from None
 
 
 def _make_folder(target: Path) -> None:

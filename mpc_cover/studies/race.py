@@ -178,6 +178,8 @@ def solved(
     except ModuleNotFoundError as error:
         remedy = OPTIONAL.get(error.name or "")
         return Failure(f"not installed: {remedy}" if remedy else f"failed: {error}")
+    except NotImplementedError as error:
+        return Failure(f"cannot solve this mission: {error}")
     except Exception as error:  # noqa: BLE001 - a peer may fail in any way, and its row says which
         return Failure(f"failed: {type(error).__name__}: {' '.join(str(error).split())[:200]}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from mpc_cover.information.build import make_map, true_field
 from mpc_cover.information.flight_map import FlightMap
 from mpc_cover.information.kalman import KalmanMap
 from mpc_cover.information.patrol import PatrolMap
-from mpc_cover.mission.information import EffectiveInformation
+from mpc_cover.mission.information import EffectiveInformation, KalmanInformation
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -27,38 +28,68 @@ def summarise_information(trajectory: Trajectory) -> dict[str, Any] | None:
         return None
     seen = make_map(mission, margin_m=0.0)
     if isinstance(seen, PatrolMap):
-        return {"kind": "ageing", **_ages(trajectory, seen)}
+        return {"kind": "ageing", **_ages(trajectory)}
     for time, position in zip(trajectory.time, trajectory.position, strict=True):
         seen.observe(float(time), position)
     assert isinstance(seen, FlightMap)
     if isinstance(seen.map, KalmanMap):
+        assert isinstance(mission.spec.information, KalmanInformation)
         off = seen.map.estimate - true_field(mission)
         return {
             "kind": "kalman",
             "largest_variance": float(seen.map.variance.max()),
             "mean_variance": float(seen.map.variance.mean()),
+            "target_variance": mission.spec.information.target_variance,
             "rms_error": float(np.sqrt((off**2).mean())),
         }
     kind = "effective" if isinstance(mission.spec.information, EffectiveInformation) else "looks"
     return {"kind": kind, "largest_gamma": float(seen.map.residual.max())}
 
 
-def _ages(trajectory: Trajectory, seen: PatrolMap) -> dict[str, Any]:
-    """Return ages over the whole run, and from when everything had been measured once on; those from the start on.
+@dataclass(frozen=True, eq=False)
+class AgeHistory:
+    """How old looks got on a patrol.
 
-    The mean is over cells and time, by the trapezoidal rule.
+    Attributes
+    ----------
+    worst_s, mean_s : (T,) [s], over cells and magnitudes; from the start on where there was no look yet.
+    last_s : (J, K) [s], age of each magnitude on each cell at the end.
+    first_lap_s : when everything had been measured once [s], inf if never.
+    limit_s : how long a look is as good as new [s].
     """
+
+    worst_s: FloatArray
+    mean_s: FloatArray
+    last_s: FloatArray
+    first_lap_s: float
+    limit_s: float
+
+
+def age_history(trajectory: Trajectory) -> AgeHistory:
+    """Return the ages that a patrol's flight left; its mission's information must be of kind ageing."""
+    seen = make_map(trajectory.mission, margin_m=0.0)
+    assert isinstance(seen, PatrolMap)
     worst, mean = np.empty(trajectory.time.size), np.empty(trajectory.time.size)
     for n, (time, position) in enumerate(zip(trajectory.time, trajectory.position, strict=True)):
         seen.observe(float(time), position)
         worst[n], mean[n] = seen.ages.worst_age, seen.ages.mean_age
-    known = trajectory.time >= float(seen.covered_at.max())
+    return AgeHistory(worst, mean, seen.ages.age, float(seen.covered_at.max()), seen.limit_s)
+
+
+def _ages(trajectory: Trajectory) -> dict[str, Any]:
+    """Return ages over the whole run, and from when everything had been measured once on; those from the start on.
+
+    The mean is over cells and time, by the trapezoidal rule.
+    """
+    history = age_history(trajectory)
+    worst, mean = history.worst_s, history.mean_s
+    known = trajectory.time >= history.first_lap_s
     return {
         "worst_age_s": float(worst.max()),
         "mean_age_s": _mean(trajectory.time, mean),
         "worst_age_after_first_lap_s": float(worst[known].max()) if known.any() else None,
         "mean_age_after_first_lap_s": _mean(trajectory.time[known], mean[known]) if known.sum() > 1 else None,
-        "age_limit_s": seen.limit_s,
+        "age_limit_s": history.limit_s,
     }
 
 

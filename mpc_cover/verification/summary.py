@@ -27,7 +27,7 @@ _LEVELS = (90, 95, 99, 100)
 
 @dataclass(frozen=True)
 class StepTimes:
-    """How long the controller's steps took; a miss is a step longer than the period."""
+    """How long the controller's steps took; a miss is a step longer than the period on the machine's clock."""
 
     steps: int
     p50_ms: float
@@ -134,7 +134,7 @@ def summarise(trajectory: Trajectory, report: Report, step_times: FloatArray | N
         distance_total_m=float(distance.sum()),
         swath_bound_s=bound,
         ratio_to_bound=reached[99] / bound if bound and reached[99] is not None else None,
-        step_times=summarise_steps(step_times, mission.spec.control.period_s),
+        step_times=summarise_steps(step_times, time_for_a_step(trajectory)),
         information=summarise_information(trajectory),
         time_apart_s=_time_apart(trajectory) if torn else 0.0,
     )
@@ -179,6 +179,13 @@ def swath_bound(mission: Mission) -> float | None:
     radius = np.maximum(fleet.radius[:, 0], 0.0)
     left = mission.field.measure - float(np.pi * (radius**2).sum())
     return left / float(2.0 * (radius * fleet.speed_max).sum()) if left > 0.0 else None
+
+
+def time_for_a_step(trajectory: Trajectory) -> float:
+    """Return how long a step of the controller may take on the machine's clock [s]: a period at the run's speed."""
+    speed = trajectory.meta.get("speed", 1.0)
+    usable = isinstance(speed, int | float) and math.isfinite(speed) and speed > 0.0
+    return trajectory.mission.spec.control.period_s / (float(speed) if usable else 1.0)
 
 
 def summarise_steps(step_times: FloatArray | None, period_s: float) -> StepTimes | None:

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpc_cover.errors import UserError
-from mpc_cover.verification.summary import floor_percent
+from mpc_cover.verification.summary import floor_percent, time_for_a_step
+from mpc_cover.view.information import draw_ages, headline_of_patrol, is_patrol
 from mpc_cover.view.maps import draw_map
 from mpc_cover.view.series import draw_coverage, draw_distances, draw_inputs, draw_speeds, draw_step_times
 from mpc_cover.view.style import GOOD, INK, LIMIT, house_style, new_figure, save_figure
@@ -82,12 +83,15 @@ def _panels(trajectory: Trajectory, step_times: FloatArray | None) -> dict[str, 
     panels: dict[str, Draw] = {
         "coverage": lambda axes: draw_coverage(axes, trajectory),
         "speeds": lambda axes: draw_speeds(axes, trajectory),
-        "inputs": lambda axes: draw_inputs(axes, trajectory),
     }
+    if is_patrol(trajectory.mission):
+        panels["ages"] = lambda axes: draw_ages(axes, trajectory)
+    if trajectory.mission.spec.fleet.dynamics != "single":  # their speed is what they choose
+        panels["inputs"] = lambda axes: draw_inputs(axes, trajectory)
     if len(trajectory.agent_id) > 1:
         panels["distances"] = lambda axes: draw_distances(axes, trajectory)
     if step_times is not None:
-        period = trajectory.mission.spec.control.period_s
+        period = time_for_a_step(trajectory)
         panels["steps"] = lambda axes: draw_step_times(axes, step_times, period)
     return panels
 
@@ -141,7 +145,10 @@ def _headline(trajectory: Trajectory, report: Report | None) -> tuple[str, str]:
     cells = trajectory.covered_at.size
     covered = floor_percent(sum(math.isfinite(time) for time in trajectory.covered_at), cells)
     kind = trajectory.meta.get("kind", "run")
-    text = f"{trajectory.mission.spec.name}, {kind}: {covered:g} % covered in {trajectory.time[-1]:.1f} s"
+    done = f"{covered:g} % covered in {trajectory.time[-1]:.1f} s"
+    if is_patrol(trajectory.mission):
+        done = headline_of_patrol(trajectory)
+    text = f"{trajectory.mission.spec.name}, {kind}: {done}"
     if report is None:
         return text, INK
     if (failure := report.first_failure) is not None:

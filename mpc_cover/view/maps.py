@@ -14,7 +14,10 @@ from matplotlib.transforms import Affine2D
 
 from mpc_cover.mission.config import BoxShape, DiscShape, PolygonShape
 from mpc_cover.verification.coverage_claim import first_measured
+from mpc_cover.verification.information_summary import age_history
 from mpc_cover.verification.path import Path
+from mpc_cover.view.cells import Scale, draw_pixels
+from mpc_cover.view.information import is_patrol, meaning_of_dark
 from mpc_cover.view.style import COVERED, INK, QUIET, UNCOVERED, agent_style, outlined
 
 if TYPE_CHECKING:
@@ -40,7 +43,7 @@ def draw_map(axes: Axes, trajectory: Trajectory, magnitude: int | None = None) -
     """
     fleet = trajectory.mission.fleet
     able = np.arange(fleet.size) if magnitude is None else np.flatnonzero(fleet.radius[:, magnitude] > 0.0)
-    _draw_cells(axes, trajectory, _owed(trajectory, magnitude))
+    draw_pixels(axes, trajectory.mission.field, _owed(trajectory, magnitude), Scale(_SHADE, 0.0, 1.0))
     _draw_area(axes, trajectory)
     if np.isfinite(fleet.communication_range):
         _draw_tree(axes, trajectory.position[-1])
@@ -60,42 +63,25 @@ def _title(trajectory: Trajectory, magnitude: int | None) -> str:
         name = names[magnitude]
         return name[:1].upper() + name[1:] if name.startswith("coverage") else f"Coverage of {name}"
     several = len(names) > 1
-    dark = f"the darker, the more of {len(names)} magnitudes owed" if several else "dark: never measured"
+    dark = meaning_of_dark(trajectory.mission)
+    if several and not is_patrol(trajectory.mission):
+        dark = f"the darker, the more of {len(names)} magnitudes owed"
     flat = "; projected to x-y" if trajectory.mission.fleet.dimension > 2 else ""  # noqa: PLR2004 - space
     return f"Coverage ({dark}{flat})"
 
 
 def _owed(trajectory: Trajectory, magnitude: int | None) -> FloatArray:
-    """Return (K,): the part of the magnitudes still owed on each cell, 0 to 1."""
+    """Return (K,): the part of the magnitudes still owed on each cell, or of a patrol's limit its age, 0 to 1."""
     radius = trajectory.mission.fleet.radius
+    if is_patrol(trajectory.mission):
+        history = age_history(trajectory)
+        last = history.last_s if magnitude is None else history.last_s[[magnitude]]
+        return np.asarray(np.clip(last / history.limit_s, 0.0, 1.0).mean(axis=0))
     if magnitude is None and radius.shape[1] == 1:
         return np.isinf(trajectory.covered_at).astype(float)
     columns = range(radius.shape[1]) if magnitude is None else [magnitude]
     owed = [np.isinf(first_measured(trajectory, radius[:, [j]] + _TIE)) for j in columns]
     return np.asarray(np.mean(owed, axis=0))
-
-
-def _draw_cells(axes: Axes, trajectory: Trajectory, owed: FloatArray) -> None:
-    """Draw the cells as pixels; cells above each other share one, shaded by their mean."""
-    field = trajectory.mission.field
-    lower, size = field.shape_min[:2], field.cell_size
-    column = np.floor((trajectory.cell[:, :2] - lower) / size + 1e-9).astype(int)
-    count = column.max(axis=0) + 1
-    total, cells = np.zeros(count), np.zeros(count)
-    np.add.at(total, tuple(column.T), owed)
-    np.add.at(cells, tuple(column.T), 1.0)
-    shade = np.divide(total, cells, out=np.full(count, np.nan), where=cells > 0.0)
-    x, y = lower + count * size
-    axes.imshow(
-        np.ma.masked_invalid(shade.T),
-        cmap=_SHADE,
-        vmin=0.0,
-        vmax=1.0,
-        origin="lower",
-        extent=(lower[0], x, lower[1], y),
-        interpolation="nearest",
-        zorder=0,
-    )
 
 
 def _draw_area(axes: Axes, trajectory: Trajectory) -> None:

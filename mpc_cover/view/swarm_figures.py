@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.view.cells import Scale
 from mpc_cover.view.style import new_figure
 from mpc_cover.view.swarm_maps import (
     OWED,
     VALUE,
-    Scale,
     add_scale,
     draw_cells,
     draw_swarm,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.patches import Circle
 
+from mpc_cover.view.cells import Scale, draw_pixels
 from mpc_cover.view.style import COVERED, INK, UNCOVERED, agent_style, outlined
 
 if TYPE_CHECKING:
@@ -29,35 +29,10 @@ TRAIL_S = 4.0
 """How much of the past a snapshot shows [s]."""
 
 
-@dataclass(frozen=True)
-class Scale:
-    """Colours and their bounds."""
-
-    colours: Any
-    low: float
-    high: float
-
-
 def draw_cells(axes: Axes, field: Field, value: FloatArray, scale: Scale) -> AxesImage:
     """Draw (K,) values as pixels, W's edge around them; cells above each other share one, with their mean."""
-    lower, size = field.shape_min[:2], field.cell_size
-    place = np.floor((field.cell[:, :2] - lower) / size + 1e-9).astype(int)
-    count = place.max(axis=0) + 1
-    total, cells = np.zeros(count), np.zeros(count)
-    np.add.at(total, tuple(place.T), value)
-    np.add.at(cells, tuple(place.T), 1.0)
-    shade = np.divide(total, cells, out=np.full(count, np.nan), where=cells > 0.0)
-    right, top = lower + count * size
-    image = axes.imshow(
-        np.ma.masked_invalid(shade.T),
-        cmap=scale.colours,
-        vmin=scale.low,
-        vmax=scale.high,
-        origin="lower",
-        extent=(lower[0], right, lower[1], top),
-        interpolation="nearest",
-        zorder=0,
-    )
+    lower = field.shape_min[:2]
+    image = draw_pixels(axes, field, value, scale)
     axes.set_aspect("equal")
     axes.grid(visible=False)
     margin = 0.03 * float((field.shape_max - field.shape_min)[:2].max())

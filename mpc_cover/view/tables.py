@@ -55,8 +55,20 @@ def _margin(margin: float, unit: str) -> str:
 
 def _information(figures: dict[str, Any]) -> str:
     """Return the figures of a mission's kind of information in a line; those that there are not are left out."""
-    shown = [f"{name.replace('_', ' ')} {value:.4g}" for name, value in figures.items() if isinstance(value, float)]
+    shown = [_figure(name, value) for name, value in figures.items() if isinstance(value, float)]
     return f"{figures['kind']}: {', '.join(shown)}"
+
+
+def _warning(figures: dict[str, Any]) -> str:
+    """Return the style of what a patrol let grow too old."""
+    worst = figures.get("worst_age_after_first_lap_s")
+    return "bold red" if worst is not None and worst > figures["age_limit_s"] else ""
+
+
+def _figure(name: str, value: float) -> str:
+    """Return a figure with its name; names of seconds end in _s."""
+    unit = " s" if name.endswith("_s") else ""
+    return f"{name.removesuffix('_s').replace('_', ' ')} {value:.4g}{unit}"
 
 
 def _rows(summary: RunSummary) -> Iterator[tuple[str, Text]]:
@@ -65,7 +77,7 @@ def _rows(summary: RunSummary) -> Iterator[tuple[str, Text]]:
     times = (summary.time_to_90_s, summary.time_to_95_s, summary.time_to_99_s, summary.time_to_100_s)
     yield "time to 90 / 95 / 99 / 100 %", Text(" / ".join(_or(time, "{:.1f} s", "never") for time in times))
     if summary.information is not None:
-        yield "information", Text(_information(summary.information))
+        yield "information", Text(_information(summary.information), style=_warning(summary.information))
     if summary.swath_bound_s is not None:
         ratio = _or(summary.ratio_to_bound, "99 % after {:.2f} times that", "99 % never reached")
         yield "swath bound", Text(f"{summary.swath_bound_s:.1f} s; {ratio}")

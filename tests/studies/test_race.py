@@ -89,6 +89,7 @@ class Broken(Entry):
         ),
         (ModuleNotFoundError("No module named 'xyz'", name="xyz"), "failed: No module named 'xyz'"),
         (ValueError("two\nlines"), "failed: ValueError: two lines"),
+        (NotImplementedError("several looks"), "cannot solve this mission: several looks"),
     ],
 )
 def test_a_peer_that_fails_says_why(problem, monkeypatch, error, words):

@@ -14,6 +14,7 @@ from mpc_cover.studies.swarm import run
 from mpc_cover.studies.swarm_parameters import KalmanInformation, LookInformation
 from mpc_cover.studies.thesis_cases import constrained, free
 from mpc_cover.view import sizing_figures, swarm_figures, swarm_maps, swarm_series
+from mpc_cover.view.cells import Scale
 from mpc_cover.view.style import house_style
 
 
@@ -112,5 +113,5 @@ def test_cells_above_each_other_share_a_pixel():
     axes = Figure().add_subplot()
     value = np.concatenate([np.zeros(field.size), np.ones(field.size)])
     with house_style():
-        image = swarm_maps.draw_cells(axes, tall, value, swarm_maps.Scale(swarm_maps.OWED, 0.0, 1.0))
+        image = swarm_maps.draw_cells(axes, tall, value, Scale(swarm_maps.OWED, 0.0, 1.0))
     assert (image.get_array() == 0.5).all()

@@ -165,3 +165,13 @@ def test_step_times():
     assert 400.0 < steps.p99_ms <= 600.0
     assert summarise_steps(None, 0.5) is None
     assert summarise_steps(np.array([]), 0.5) is None
+
+
+@pytest.mark.parametrize(("speed", "misses"), [(1.0, 0), (4.0, 1), (8.0, 2), ("fast", 0), (0.0, 0)])
+def test_a_faster_clock_leaves_less_time_for_a_step(speed, misses):
+    flight = box3_flight()
+    flight = replace(flight, meta={**flight.meta, "speed": speed})
+    steps = summarise(flight, check_trajectory(flight), np.array([0.1, 0.2])).step_times
+    assert steps.misses == misses
+    if misses:
+        assert steps.period_ms == 500.0 / speed

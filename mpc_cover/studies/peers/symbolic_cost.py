@@ -50,7 +50,7 @@ def excesses(case: Case, points: Any) -> list[Excess]:
     """
     window, parts = case.window, []
     if window.looks is not None:
-        raise NotImplementedError("a sum of the r smallest (looks > 1) is not written for CasADi")
+        raise NotImplementedError("a cost of several looks at a cell is not written for CasADi")
     fleet, samples = window.fleet, window.steps + 1
     for magnitude in range(fleet.radius.shape[1]):
         live = np.flatnonzero(window.weight[magnitude] > 0.0)

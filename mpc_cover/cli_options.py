@@ -1,0 +1,134 @@
+"""What several commands share: options, their checks, and how results are printed."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mpc_cover.errors import UserError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from mpc_cover.mission.load import Mission
+
+DEFAULT_BACKEND = "piqp"
+
+MissionArgument = Annotated[
+    str, typer.Argument(metavar="MISSION", help="A mission file (YAML), or the name of one that comes along, as box-3.")
+]
+OptionalMission = Annotated[
+    str, typer.Argument(metavar="[MISSION]", help="A mission file (YAML), or the name of one that comes along.")
+]
+Missions = Annotated[
+    list[str], typer.Argument(metavar="MISSION...", help="Mission files (YAML), or names of those that come along.")
+]
+Backend = Annotated[str, typer.Option("--backend", metavar="NAME", help="QP back-end: piqp, clarabel or osqp.")]
+FlightBackend = Annotated[
+    str | None,
+    typer.Option(
+        "--backend", metavar="NAME", help="QP back-end of the mpc controller: piqp (the default), clarabel or osqp."
+    ),
+]
+Controller = Annotated[
+    str, typer.Option("--controller", metavar="NAME", help="mpc, or potential: no controller, each agent by itself.")
+]
+Seed = Annotated[
+    int,
+    typer.Option("--seed", min=0, help="Seed of whatever is random: guesses, noise, gusts, the potential law's turns."),
+]
+Speed = Annotated[
+    float, typer.Option("--speed", help="Mission seconds that pass in a second; the same for all processes.")
+]
+RunOut = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Run folder; default runs/MISSION-DATE-TIME.")
+]
+Kill = Annotated[
+    list[str] | None,
+    typer.Option("--kill", metavar="AGENT@SECONDS", help="Let an agent die at a mission time [s]; may be repeated."),
+]
+Jobs = Annotated[
+    int | None, typer.Option("--jobs", min=1, help="Runs at a time on this machine; default as many as it has cores.")
+]
+CpuTime = Annotated[
+    bool, typer.Option("--cpu-time", help="Measure processor time, on a machine with other work to do.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout, all else on stderr.")]
+
+
+def load(mission: str) -> Mission:
+    """Return a mission by its file or name."""
+    from mpc_cover.mission.load import load_mission  # noqa: PLC0415 - --help needs no pydantic
+
+    return load_mission(mission)
+
+
+def check_speed(speed: float) -> None:
+    """Refuse a speed at which no time passes."""
+    if not math.isfinite(speed) or speed <= 0.0:
+        raise UserError(f"--speed {speed:g}: must be a number greater than 0")
+
+
+def check_seconds(option: str, seconds: float) -> None:
+    """Refuse what is no time to work in."""
+    if not math.isfinite(seconds) or seconds <= 0.0:
+        raise UserError(f"{option} {seconds:g}: must be a number of seconds greater than 0")
+
+
+def check_backend(name: str) -> None:
+    """Refuse a QP back-end that there is not."""
+    from solvers.backends.registry import BACKENDS  # noqa: PLC0415 - imports no back-end
+
+    if name not in BACKENDS:
+        raise UserError(f"--backend {name}: is none: must be one of {', '.join(BACKENDS)}")
+
+
+def flight_backend(name: str | None, controller: str) -> str:
+    """Return the back-end to fly with.
+
+    Raises
+    ------
+    UserError
+        There is no such back-end, or nothing that it could solve.
+    """
+    if name is None:
+        return DEFAULT_BACKEND
+    check_backend(name)
+    if controller == "potential":
+        raise UserError(f"--backend {name}: the potential law solves no QP: leave --backend out, or use mpc")
+    return name
+
+
+def cores() -> int:
+    """Return how many runs this machine can do at a time."""
+    from joblib import cpu_count  # noqa: PLC0415 - it knows the limits of containers
+
+    return int(cpu_count())
+
+
+def console_for(*, as_json: bool) -> Console:
+    """Return where people read: stderr when stdout is for machines."""
+    from rich.console import Console  # noqa: PLC0415 - agents need none
+
+    return Console(stderr=as_json)
+
+
+def print_json(data: dict[str, Any]) -> None:
+    """Print one line of strict JSON."""
+    sys.stdout.write(json.dumps(data, allow_nan=False) + "\n")
+
+
+def finish(console: Console, summary: Any, extra: dict[str, Any], *, as_json: bool, where: Path) -> None:
+    """Print the summary for a person, and as JSON where asked for."""
+    from mpc_cover.view.tables import print_summary  # noqa: PLC0415 - agents need none
+
+    if summary is not None:
+        print_summary(summary, console)
+    console.print(f"written to {where}", highlight=False, markup=False, soft_wrap=True)
+    if as_json:
+        print_json({**(summary.to_dict() if summary is not None else {}), **extra})
