@@ -93,8 +93,13 @@ class Watch:
         return self._clock() - self._origin
 
     @property
-    def deadline(self) -> float:
-        """When the time will be up, on `time.perf_counter`, whatever the watch's own clock; judging postpones it."""
+    def deadline(self) -> float | None:
+        """When the time will be up, on `time.perf_counter`; judging postpones it.
+
+        None where the watch shows processor time, which no clock can foretell: `see` tells when it is enough.
+        """
+        if self._clock is time.process_time:
+            return None
         return time.perf_counter() + self._limit_s - self.elapsed_s
 
     @property
