@@ -190,6 +190,6 @@ def test_offline_planning_says_what_is_wrong():
 
 
 def test_a_large_task_that_nothing_keeps_gets_an_answer_that_says_so():
-    slow = replace(small_task().fleet, speed_max=np.full(2, 0.1), separation_min=1.5)
+    slow = replace(small_task().fleet, speed_max=np.full(2, 0.02), separation_min=1.5)
     best = plan_whole(replace(small_task(), fleet=slow), make_backend("piqp"), deadline=time.perf_counter() - 1.0)
     assert not best.feasible
