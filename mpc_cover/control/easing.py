@@ -43,13 +43,19 @@ class Bounds:
 
     @property
     def planned(self) -> Fleet:
-        """The fleet as the planner is given it: no pair is asked for more than the nearest can keep."""
-        return replace(self.fleet, separation_min=min([self.fleet.separation_min, *self.apart.values()]))
+        """The fleet as the planner is given it: no pair is asked for more than it can keep, and none for less."""
+        return replace(self.fleet, apart=self.apart)
+
+    @property
+    def least_separation(self) -> float:
+        """What every pair keeps [m]."""
+        return min([self.fleet.separation_min, *self.apart.values()])
 
     def keeps(self, path: Path, start: State) -> bool:
         """Return whether a motion from `start`, (m, d) [m] and [m/s], holds and ends at rest."""
         arrays = (path.time, path.position, path.velocity, path.force)
-        if not verify_motion(self.planned, *arrays, at_rest=True, start=start).holds:
+        least = replace(self.fleet, separation_min=self.least_separation)
+        if not verify_motion(least, *arrays, at_rest=True, start=start).holds:
             return False
         return not self.apart or self._keeps_apart(path)
 
@@ -100,7 +106,7 @@ def bounds_within_reach(fleet: Fleet, known: Sequence[Path], start: State) -> Bo
         return own
 
     def harm(bounds: Bounds) -> tuple[float, float]:
-        nearest = fleet.separation_min - bounds.planned.separation_min
+        nearest = fleet.separation_min - bounds.least_separation
         return max(nearest - _ROUNDING, 0.0), bounds.fleet.communication_range
 
     return min((eased(fleet, path) for path in known), key=harm)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.config import AgentSpec, MissionSpec
 
@@ -30,6 +33,8 @@ class Fleet:
     magnitudes : a name for each column of `radius`.
     links : pairs (i, j) that always stay within `communication_range` (4.19).
     lost : agents that take no part any more: they stand still, and the others keep clear of them.
+    apart : {(i, j): what is asked of a pair [m], i < j} where that is not rho_B: two who are too near already cannot
+        help it, but everyone else can.
     """
 
     ids: tuple[str, ...]
@@ -44,6 +49,13 @@ class Fleet:
     magnitudes: tuple[str, ...] = ("coverage",)
     links: tuple[tuple[int, int], ...] = ()
     lost: tuple[int, ...] = ()
+    apart: Mapping[tuple[int, int], float] = dataclass_field(default_factory=dict)
+
+    @property
+    def separations(self) -> FloatArray:
+        """(pairs,) the least distance [m] of each pair i < j, row by row; nothing is asked of two who are lost."""
+        every, lost = combinations(range(self.size), 2), set(self.lost)
+        return np.array([0.0 if lost.issuperset(pair) else self.apart.get(pair, self.separation_min) for pair in every])
 
     @property
     def size(self) -> int:

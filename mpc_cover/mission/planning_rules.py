@@ -13,6 +13,7 @@ from mpc_cover.mission.fleet import agent_input_max, agent_value
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.config import MissionSpec
 
 MAX_PLAN_STEPS = 2_000
@@ -80,6 +81,36 @@ def _end_pairs(spec: MissionSpec) -> Iterator[Problem]:
         if distance < fleet.separation_min_m:
             right = f"is {distance:.3g} m from agent {i}'s end, must be at least {fleet.separation_min_m} m"
             yield Problem(f"fleet.agents.{j}.end_m", two.end_m, right)
+    yield from _end_connections(spec)
+
+
+def _end_connections(spec: MissionSpec) -> Iterator[Problem]:
+    """Say which ends are out of range: no plan could end there (4.19, 4.20)."""
+    fleet, reach = spec.fleet, spec.fleet.communication_range_m
+    ends = {agent.id: np.array(agent.end_m) for agent in fleet.agents if agent.end_m is not None}
+    if reach is None or len(ends) < len(fleet.agents) or len({end.shape for end in ends.values()}) > 1:
+        return  # already said, agent by agent
+    for index in unreached(np.array(list(ends.values())), reach):
+        right = f"is not connected to {fleet.agents[0].id}'s end within communication_range_m {reach} m"
+        yield Problem(f"fleet.agents.{index}.end_m", fleet.agents[index].end_m, right)
+    for number, (one, two) in enumerate(fleet.links):
+        if one not in ends or two not in ends:
+            continue
+        distance = float(np.linalg.norm(ends[one] - ends[two]))
+        if distance > reach:
+            right = f"ends {distance:.3g} m long, must be at most communication_range_m {reach} m"
+            yield Problem(f"fleet.links.{number}", (one, two), right)
+
+
+def unreached(place: FloatArray, reach: float | None) -> list[int]:
+    """Return which of (m, d) places [m] the first one is not connected with by edges of at most `reach` [m]."""
+    if reach is None:
+        return []
+    near = np.linalg.norm(place[:, None] - place[None], axis=2) <= reach
+    joined = near[0]
+    for _ in place:
+        joined = near[joined].any(axis=0)
+    return np.flatnonzero(~joined).tolist()
 
 
 def _reach_problems(spec: MissionSpec, index: int) -> Iterator[Problem]:

@@ -13,7 +13,7 @@ from mpc_cover.mission.disturbance_rules import disturbance_problems
 from mpc_cover.mission.field import bounding_box, build_field
 from mpc_cover.mission.fleet import agent_input_max, agent_value
 from mpc_cover.mission.information_rules import information_problems
-from mpc_cover.mission.planning_rules import planning_problems, topology_problems
+from mpc_cover.mission.planning_rules import planning_problems, topology_problems, unreached
 from mpc_cover.mission.potential_rules import potential_problems
 
 if TYPE_CHECKING:
@@ -144,7 +144,6 @@ def _fleet_problems(spec: MissionSpec) -> Iterator[Problem]:
     if reach is not None and reach <= fleet.separation_min_m:
         right = f"must be greater than separation_min_m {fleet.separation_min_m}"
         yield Problem("fleet.communication_range_m", reach, right)
-    near: dict[int, set[int]] = {index: set() for index in range(len(start))}
     for i, j in combinations(range(len(start)), 2):
         distance = float(np.linalg.norm(start[i] - start[j]))
         if distance < fleet.separation_min_m:
@@ -153,15 +152,7 @@ def _fleet_problems(spec: MissionSpec) -> Iterator[Problem]:
                 f"must be at least separation_min_m {fleet.separation_min_m} m"
             )
             yield Problem(f"fleet.agents.{j}.start_m", fleet.agents[j].start_m, right)
-        if reach is None or distance <= reach:
-            near[i].add(j)
-            near[j].add(i)
-    reached, todo = {0}, [0]
-    while todo:
-        new = near[todo.pop()] - reached
-        reached |= new
-        todo.extend(new)
-    for index in sorted(set(near) - reached):
+    for index in unreached(start, reach):
         right = f"is not connected to {fleet.agents[0].id} within communication_range_m {reach} m"
         yield Problem(f"fleet.agents.{index}.start_m", fleet.agents[index].start_m, right)
 

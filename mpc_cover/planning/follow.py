@@ -102,9 +102,13 @@ def _control(
     force: FloatArray,
     period: float,
 ) -> FloatArray:
-    """Aim at the waypoint with full speed, slowing down only for the last one."""
-    stopping = np.minimum(np.sqrt(0.9 * force * distance), distance / period)
-    wanted = np.where(last, np.minimum(speed, stopping), speed)
+    """Aim at the waypoint with full speed, slowing down for the last one, and for one that a sample would pass by.
+
+    A sample that is longer than the distance at which agents turn may end on the far side of the waypoint, the next
+    one where it was before, and so on for ever.
+    """
+    landing = np.minimum(speed, distance / period)
+    wanted = np.where(last, np.minimum(landing, np.sqrt(0.9 * force * distance)), landing)
     aim = error / np.maximum(distance, 1e-9)[:, None] * wanted[:, None]
     return _clipped((aim - v) / period, force)
 

@@ -114,7 +114,7 @@ def _plan_large(task: Task, backend: Backend, flown: list[Candidate], deadline: 
             break
     found += [guess for guess in guesses if guess.feasible]
     finished = [_extended(task, candidate, backend, deadline) for candidate in found if candidate.feasible]
-    return min(finished, key=lambda candidate: candidate.rank)
+    return min([*finished, *found], key=lambda candidate: candidate.rank)
 
 
 def plan_shortest(

@@ -133,13 +133,14 @@ class Requirements:
 def requirements(window: Window, margins: Margins) -> Requirements:
     """Relax the margins, never the constraints themselves, to what the window's given ends allow."""
     fleet, reach = window.fleet, window.fleet.communication_range
-    separation = np.full(fleet.size * (fleet.size - 1) // 2, fleet.separation_min + margins.separation)
+    least = fleet.separations
+    separation = least + margins.separation
     allowed = reach - margins.connectivity
     for given in (window.ends.start_position, window.ends.end_position):
         if given is None:
             continue
         still = np.repeat(given[None], 2, axis=0)
         here = pair_distances(still, np.zeros_like(still), window.period).sampled[:1]
-        separation = np.maximum(fleet.separation_min, np.minimum(separation, here[0]))
+        separation = np.maximum(least, np.minimum(separation, here[0]))
         allowed = min(reach, max(allowed, float(bottleneck(here, fleet_trees(here, fleet))[0])))
     return Requirements(separation, allowed)

@@ -70,6 +70,7 @@ class Agent:
         self._limits = limits_of(mission, index)
         self._state_period = mission.spec.control.state_period_s
         self._authority = Authority()
+        self._refused: PlanRef | None = None
         self.body = body_of(mission, index, clock.now(), seed, recorder.piece if recorder else None)
         self.plant = self.body.nominal
         self.schedule = Schedule(self._limits.input_max)
@@ -123,6 +124,7 @@ class Agent:
         try:
             message = decode_plan(item.payload, self._dimension)
             self._authority_check(message)
+            self._refused = message.ref  # until it has passed the rest, too
             flight = flight_of(message)
             check_time(message, now)
             check_content(flight, self._limits)
@@ -130,6 +132,7 @@ class Agent:
         except RejectedError as error:
             self._reject(error)
         else:
+            self._refused = None
             if message.epoch > self._authority.epoch:
                 text = f"flies for controller {message.controller[:8]}, epoch {message.epoch}"
                 self.events.tell("controller", text)
@@ -177,6 +180,7 @@ class Agent:
             mission=self._mission,
             reference_position=reference[0].tolist() if reference else None,
             reference_velocity=reference[1].tolist() if reference else None,
+            refused=self._refused,
         )
         self._seq += 1
         if self._recorder:

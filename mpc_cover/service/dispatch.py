@@ -81,12 +81,16 @@ class Dispatch:
         return schedule
 
     def _unreported(self, index: int, link: AgentLink, reported: set[PlanRef | None]) -> list[Flight]:
-        """Return the plans sent since: agents look at their mail once a state period, so they may well have them."""
+        """Return the plans sent since: agents look at their mail once a state period, so they may well have them.
+
+        Not one that the agent says it turned away: what starts where that one leads is turned away as well.
+        """
+        assert link.state is not None
         since: list[Flight] = []
         for sent in self._sent[index]:
             if sent.flight.ref in reported:
                 since = []
-            elif link.measured_s() <= sent.sent_s + self._state_period:
+            elif link.measured_s() <= sent.sent_s + self._state_period and sent.flight.ref != link.state.refused:
                 since.append(sent.flight)
         return since
 

@@ -50,7 +50,8 @@ class State(Message, frozen=True, kw_only=True):
     `position` and `velocity` are (d,) [m], [m/s]. `plan` is the plan being flown, `next_plan` the one that
     it will switch to; `at_rest` says that it stands still and has nothing left to fly. `speed` is how many
     seconds of its clock pass in a second, `mission` the fingerprint of the mission that it knows. A disturbed
-    agent tells the state that its plans give, too: `reference_position` and `reference_velocity`.
+    agent tells the state that its plans give, too: `reference_position` and `reference_velocity`. `refused` is
+    the plan that it turned away last, unless it took one up since.
     """
 
     agent: Id
@@ -66,6 +67,7 @@ class State(Message, frozen=True, kw_only=True):
     mission: Id = "unknown"
     reference_position: Vector | None = None
     reference_velocity: Vector | None = None
+    refused: PlanRef | None = None
 
 
 class PlanMessage(Message, frozen=True, kw_only=True):

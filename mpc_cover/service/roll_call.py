@@ -79,5 +79,6 @@ class RollCall:
         return link.measured_s() + link.delay_s <= self._fleet.token_went_s(link)
 
     def _flies(self, link: AgentLink, now_s: float) -> bool:
-        heard = link.silent_s(now_s) <= self._dead_s
+        """Return whether an agent was heard in flight since it was lost: its last words before that tell nothing."""
+        heard = link.silent_s(now_s) <= self._dead_s and not self._silent_since(link)
         return heard and link.state is not None and link.state.plan is not None and not link.state.at_rest

@@ -160,3 +160,11 @@ def test_without_a_range_nobody_must_be_connected():
 def test_agents_brake_within_the_horizon():
     raw = changed(("fleet.agents.1.input_max_m_per_s2", 0.1))
     assert mistakes(raw) == {"control.horizon_steps": "must be at least 32: agent 1 brakes in 30 steps"}
+
+
+def test_ends_out_of_range_are_refused_and_said():
+    ends = [("planning.end", "fixed"), ("fleet.agents.0.end_m", [1, 1]), ("fleet.links", [["a1", "a2"]])]
+    build_mission(changed(*ends, ("fleet.agents.1.end_m", [5, 1])), "near")
+    far = mistakes(changed(*ends, ("fleet.agents.1.end_m", [7, 1])))
+    assert far["fleet.agents.1.end_m"] == "is not connected to a1's end within communication_range_m 5.0 m"
+    assert far["fleet.links.0"] == "ends 6 m long, must be at most communication_range_m 5.0 m"

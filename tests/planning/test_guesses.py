@@ -53,6 +53,19 @@ def test_without_a_number_of_steps_it_arrives():
     assert flight.position[-1, 0] == pytest.approx([8.0, 6.0], abs=0.6)
 
 
+@hypothesis_settings(max_examples=60)
+@given(seed=st.integers(0, 10**6), period=st.sampled_from([0.2, 0.5, 1.0, 2.0]))
+def test_it_arrives_in_time_however_far_it_goes_in_a_sample(seed, period):
+    rng = np.random.default_rng(seed)
+    start, speed, force = rng.uniform(0.0, 6.0, (1, 2)), rng.uniform(0.2, 2.0), rng.uniform(0.3, 3.0)
+    fleet = fleet_of(start, input_max=np.array([force]), speed_max=np.array([speed]))
+    path = rng.uniform(0.0, 6.0, (int(rng.integers(1, 12)), 2))
+    flight = follow([path], start, np.zeros_like(start), fleet, period)
+    length = float(np.linalg.norm(np.diff(np.concatenate([start, path]), axis=0), axis=1).sum())
+    turns = (len(path) + 1) * (2.0 * speed / force + 2.0 * period)
+    assert flight.steps * period < 2.0 * (length / speed + turns)
+
+
 @pytest.mark.parametrize("name", ["box-3"])
 def test_sweeps_and_tours_cover_nearly_everything_as_they_fly(name):
     mission = load_mission(name)

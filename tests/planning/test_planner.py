@@ -187,3 +187,9 @@ def test_offline_planning_says_what_is_wrong():
         build_mission(spec, "mission")
     with pytest.raises(UserError, match="clarabel"):
         Engine("gurobi")
+
+
+def test_a_large_task_that_nothing_keeps_gets_an_answer_that_says_so():
+    slow = replace(small_task().fleet, speed_max=np.full(2, 0.02), separation_min=1.5)
+    best = plan_whole(replace(small_task(), fleet=slow), make_backend("piqp"), deadline=time.perf_counter() - 1.0)
+    assert not best.feasible

@@ -64,6 +64,22 @@ def test_it_is_given_to_the_brain_where_its_deadman_stops_it(bench, fleet, brain
         assert not velocity[1].any()
 
 
+@pytest.mark.parametrize("state_period_s", [0.2, 0.25, 0.5])
+def test_its_last_words_do_not_make_it_fly_on(state_period_s):
+    bench = Bench(small_mission(8.0, state_period_s=state_period_s))
+    brain, fleet = SharingBrain(bench.mission, 7.0), [bench.agent("a1"), bench.agent("a2")]
+    controller = bench.controller(brain)
+    bench.run(controller, until=lambda: np.linalg.norm(fleet[1].plant.velocity) > 0.5)
+    bench.kill(fleet[1])
+    last = fleet[1].plant
+    bench.run(controller, until=lambda: brain.lost)
+    stop, _ = predict(Plant(last.time_s, last.position, last.velocity), Schedule(1.0), last.time_s + 9.0)
+    before = len(brain.predicted)
+    bench.run(controller, until=lambda: len(brain.predicted) >= before + 3)
+    for position, _ in brain.predicted[before:]:
+        np.testing.assert_allclose(position[1], stop, atol=1e-9)
+
+
 def test_nothing_more_is_sent_to_it(bench, fleet, brain, controller):
     bench.kill(fleet[1])
     bench.run(controller, until=lambda: brain.lost)
