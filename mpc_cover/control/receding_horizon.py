@@ -44,6 +44,9 @@ _SAME_PLACE = 1e-3
 _LAST = 3
 """So few samples before its end a mission plan that leaves something owed gives way to the next."""
 
+_MOST, _IN_VAIN = 0.5, 3
+"""Plans that leave more than this part of what is owed are thought over, so many times, each twice as long."""
+
 
 @dataclass(frozen=True, eq=False)
 class StepResult:
@@ -92,6 +95,7 @@ class RecedingHorizon:
         self._whole: Plan | None = None
         self._former: Plan | None = None
         self.wants_thought = False
+        self._in_vain = 0
         self._reunites = False
         self._published: Plan | None = None
 
@@ -106,15 +110,18 @@ class RecedingHorizon:
         """Plan the whole mission from (m, d) `position` [m], thoroughly, and return its first stretch.
 
         For a fleet at rest; `deadline` is on `time.perf_counter`. Without one the mission's planning time bounds the
-        work instead of the time, and the plan is the same every time.
+        work instead of the time, and the plan is the same every time. Whenever that is too short for a plan worth
+        flying, the fleet stays at rest, and the next planning takes twice as long.
         """
         begun = time.perf_counter()
         start = self._begin(position, velocity, start_time)
         if self._nothing_left:
             return self._result(begun, deadline, *self._stop(start))
-        self.wants_thought = False
-        planning_s = self._mission.spec.control.planning_time_s
-        reason = self._replan(start, deadline, partial(self._engine.whole, effort_s=planning_s))
+        self.wants_thought, self._whole = False, None
+        planning_s = self._mission.spec.control.planning_time_s * 2.0**self._in_vain
+        later = deadline if deadline is None else deadline + planning_s - self._mission.spec.control.planning_time_s
+        reason = self._replan(start, later, partial(self._engine.whole, effort_s=planning_s))
+        self._in_vain = self._in_vain + 1 if self.wants_thought else 0
         return self._result(begun, deadline, *self._next(start, reason))
 
     def step(
@@ -174,7 +181,8 @@ class RecedingHorizon:
             idle = best.kind == "rest" and best.cost > 0.0
             if idle and self._whole is not None and not self._reunites:
                 return "no way on was found yet"
-            self.wants_thought = idle and deadline is not None and self._former is not None
+            in_a_hurry = idle and deadline is not None and self._former is not None
+            self.wants_thought = in_a_hurry or self._is_poor(best, start)
             self._whole, self._reunites, self._former = best.plan, False, None
             return best.kind
         if self._whole is None and (apart_now or footing.torn):
@@ -182,6 +190,14 @@ class RecedingHorizon:
             self._whole = next((plan for plan in plans if footing.keeps(plan, start)), None)
             self._reunites = self._whole is not None
         return "meets again" if self._reunites else "nothing better was found"
+
+    def _is_poor(self, best: Candidate, start: Start) -> bool:
+        """Return whether a plan leaves most of what is owed, so that longer planning is worth while."""
+        if best.complete or self.coverage.endless or self._in_vain >= _IN_VAIN:
+            return False
+        owed, _ = self._left_by(start.position[None], start)
+        left, _ = self._left_by(best.plan.position, start)
+        return bool(np.count_nonzero(left) > _MOST * np.count_nonzero(owed))
 
     def _best_found(
         self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]

@@ -133,7 +133,8 @@ class Control(Model):
     deadline_fraction: Annotated[float, Field(gt=0, le=0.9)] = 0.5
     """Part of the period that a control step may take before the ladder's next rung."""
     planning_time_s: Positive = 6.0
-    """Bound on the thorough planning before the start, while everyone is at rest."""
+    """Bound on the thorough planning before the start, while everyone is at rest; doubled, up to eightfold, whenever
+    it was too short for a plan worth flying."""
     time_limit_s: Positive = 600.0
     """Mission time after which the controller gives up and says so."""
     state_period_s: Positive = 0.1

@@ -13,7 +13,8 @@ from mpc_cover.errors import InvalidInputError, UserError
 from mpc_cover.mission.load import build_mission
 from mpc_cover.model.tube import tube_of
 from mpc_cover.planning.continuation import Refined
-from mpc_cover.planning.task import Candidate
+from mpc_cover.planning.guesses import rest_guess
+from mpc_cover.planning.task import Candidate, as_flown
 from mpc_cover.verification.motion import verify_motion
 
 PERIOD = 0.5
@@ -262,3 +263,41 @@ def test_several_looks_are_flown_to_the_end(looks):
 def test_an_unknown_back_end_is_a_clear_error():
     with pytest.raises(UserError, match="osqp"):
         RecedingHorizon(small_mission(), backend="cplex")
+
+
+def test_planning_that_was_too_short_is_thought_over_for_twice_as_long(monkeypatch):
+    """A first plan that stays at rest would be flown for ever; the fleet is at rest anyway."""
+    mission = small_mission()
+    brain, asked = RecedingHorizon(mission), []
+    whole = brain._engine.whole
+
+    def slow(task, deadline, effort_s):
+        asked.append(effort_s)
+        still = task.flown(rest_guess(task.position), task.least_steps)
+        return as_flown(task, rest_guess(task.position), still) if len(asked) < 3 else whole(task, deadline)
+
+    monkeypatch.setattr(brain._engine, "whole", slow)
+    state = mission.fleet.start, np.zeros_like(mission.fleet.start)
+    thoughts = []
+    for _ in range(3):
+        brain.prepare(*state, 0.0, deadline=None)
+        thoughts.append(brain.wants_thought)
+    planning_s = mission.spec.control.planning_time_s
+    assert asked == [planning_s, 2 * planning_s, 4 * planning_s]
+    assert thoughts == [True, True, False]
+
+
+def test_thinking_in_vain_ends(monkeypatch):
+    mission = small_mission()
+    brain = RecedingHorizon(mission)
+
+    def nothing(task, deadline, effort_s):
+        still = task.flown(rest_guess(task.position), task.least_steps)
+        return as_flown(task, rest_guess(task.position), still)
+
+    monkeypatch.setattr(brain._engine, "whole", nothing)
+    thoughts = []
+    for _ in range(4):
+        brain.prepare(mission.fleet.start, np.zeros_like(mission.fleet.start), 0.0, deadline=None)
+        thoughts.append(brain.wants_thought)
+    assert thoughts == [True, True, True, False]
