@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from threading import Event
 from typing import TYPE_CHECKING, Any
 
 import zenoh
@@ -27,7 +28,6 @@ from mpc_cover.service.network import NetworkOptions, settings
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from threading import Event
 
     from mpc_cover.clock import Clock
 
@@ -91,6 +91,10 @@ def _plain(error: zenoh.ZError) -> str:
     """Return what Zenoh says without its source lines."""
     text = " ".join(str(error).split())
     return text.split(" at /", 1)[0].replace("[", "").strip()
+
+
+_ASK_AGAIN_S = 0.05
+"""Pause before a question that nobody heard is asked again."""
 
 
 @dataclass(frozen=True)
@@ -185,16 +189,22 @@ class ZenohTransport:
     def ask(self, key: str, payload: bytes, timeout_s: float) -> bytes:
         """Ask and wait for the first answer.
 
+        A query ends at once where nobody is known who answers it, and declarations take a while to get around: it is
+        asked again until the time is over.
+
         Raises
         ------
         RequestError
             No answer in time, or an error instead of an answer.
         """
-        for reply in self._session.get(key, payload=payload, timeout=timeout_s):
-            if reply.ok is not None:
-                return bytes(reply.ok.payload.to_bytes())
-            said = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "error"
-            raise RequestError(f"{key}: {said}")
+        deadline, pause = time.monotonic() + timeout_s, Event()
+        while (left_s := deadline - time.monotonic()) > 0.0:
+            for reply in self._session.get(key, payload=payload, timeout=left_s):
+                if reply.ok is not None:
+                    return bytes(reply.ok.payload.to_bytes())
+                said = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "error"
+                raise RequestError(f"{key}: {said}")
+            pause.wait(min(_ASK_AGAIN_S, left_s))
         raise RequestError(f"{key}: no answer within {timeout_s:g} s")
 
     def close(self) -> None:

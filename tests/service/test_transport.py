@@ -103,6 +103,20 @@ def test_requests_are_answered_by_a_later_tick(join):
     answering.join()
 
 
+def test_a_request_is_asked_again_until_somebody_is_there_to_answer(join):
+    here, there = join(), join()
+    answers = []
+    asking = Thread(target=lambda: answers.append(there.ask("cover/m/ctl/cmd/pause", b"early", 20.0)))
+    asking.start()
+    with pytest.raises(RequestError, match="no answer"):  # nobody answers this one, asked in the meantime
+        there.ask("cover/m/ctl/cmd/resume", b"", 0.3)
+    requests = here.requests("cover/m/ctl/cmd/pause", 4)
+    (request,) = until(requests.drain)
+    request.reply(b"late")
+    asking.join()
+    assert answers == [b"late"]
+
+
 def test_a_request_that_nobody_answers(join):
     join()
     with pytest.raises(RequestError, match="no answer"):
