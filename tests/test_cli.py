@@ -15,40 +15,11 @@ import numpy as np
 import pytest
 import yaml
 
-from mpc_cover import __version__, cli
+from mpc_cover import __version__
 from mpc_cover.mission.load import shipped_missions
 from mpc_cover.trajectory import load_trajectory
 
 BOX_3 = next(path for path in shipped_missions() if path.stem == "box-3")
-
-
-@pytest.fixture
-def run(capsys, monkeypatch, tmp_path):
-    """Return a function that runs a command line in an empty folder: exit status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["mpc-cover", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return ended.value.code or 0, *capsys.readouterr()
-
-    return run
-
-
-@pytest.fixture
-def refused(run):
-    """Return a function that runs a command line which must be refused; its message."""
-
-    def refused(*arguments):
-        status, out, err = run(*arguments)
-        assert status == 2
-        assert not out
-        assert err.startswith("mpc-cover: ")
-        assert "Traceback" not in err
-        return err
-
-    return refused
 
 
 def write_mission(file, changes):

@@ -1,40 +1,18 @@
 """`mpc-cover study`: what it prints, its exit status, and that a mistake is one message and exit status 2."""
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
-
-from mpc_cover import cli
-
-TINY = {
-    "schema": 1,
-    "name": "tiny",
-    "area": {"shape": {"kind": "box", "min_m": [0.0, 0.0], "max_m": [3.0, 3.0]}, "cell_size_m": 0.5},
-    "fleet": {
-        "defaults": {"sensing_radius_m": 0.7, "input_max_m_per_s2": 1.0, "speed_max_m_per_s": 1.0},
-        "agents": [{"id": "a1", "start_m": [0.75, 0.5]}, {"id": "a2", "start_m": [2.25, 0.5]}],
-        "separation_min_m": 0.4,
-        "communication_range_m": 3.0,
-    },
-}
+from tiny_mission import TINY
 
 
 @pytest.fixture
-def run(capsys, monkeypatch, tmp_path):
+def run(run):
     """Return a function that runs a study in a folder with a mission: exit status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
     Path("tiny.yaml").write_text(yaml.safe_dump(TINY))
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["mpc-cover", "study", "horizon", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return ended.value.code or 0, *capsys.readouterr()
-
-    return run
+    return lambda *arguments: run("study", "horizon", *arguments)
 
 
 def test_a_study_prints_a_table_and_leaves_its_results(run):

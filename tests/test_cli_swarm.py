@@ -1,55 +1,22 @@
 """`--controller potential`, `size`, `study thesis` and `study laws`: what they print, exit statuses, refusals."""
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
+from tiny_mission import TINY
 
-from mpc_cover import cli
 from mpc_cover.mission.load import shipped_missions
 
-TINY = {
-    "schema": 1,
-    "name": "tiny",
-    "area": {"shape": {"kind": "box", "min_m": [0.0, 0.0], "max_m": [3.0, 3.0]}, "cell_size_m": 0.5},
-    "fleet": {
-        "defaults": {"sensing_radius_m": 0.7, "input_max_m_per_s2": 1.0, "speed_max_m_per_s": 1.0},
-        "agents": [{"id": "a1", "start_m": [0.75, 0.5]}, {"id": "a2", "start_m": [2.25, 0.5]}],
-        "separation_min_m": 0.4,
-        "communication_range_m": 4.0,
-    },
-}
+WIDE = {**TINY, "fleet": {**TINY["fleet"], "communication_range_m": 4.0}}
 
 
 @pytest.fixture
-def run(capsys, monkeypatch, tmp_path):
-    """Return a function that runs a command in a folder with a mission: exit status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-    Path("tiny.yaml").write_text(yaml.safe_dump(TINY))
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["mpc-cover", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return ended.value.code or 0, *capsys.readouterr()
-
+def run(run):
+    """Return a function that runs a command line in a folder with a mission: exit status, stdout, stderr."""
+    Path("tiny.yaml").write_text(yaml.safe_dump(WIDE))
     return run
-
-
-@pytest.fixture
-def refused(run):
-    """Return a function that runs a command line which must be refused; its message."""
-
-    def refused(*arguments):
-        status, out, err = run(*arguments)
-        assert status == 2
-        assert not out
-        assert err.startswith("mpc-cover: ")
-        return err
-
-    return refused
 
 
 def test_simulate_without_a_controller(run):
@@ -85,7 +52,7 @@ def test_simulate_without_a_controller(run):
     ],
 )
 def test_what_cannot_fly_is_refused_before_anything_is_written(refused, tmp_path, arguments, message):
-    near = {**TINY, "fleet": {**TINY["fleet"], "communication_range_m": 2.0}}
+    near = {**WIDE, "fleet": {**WIDE["fleet"], "communication_range_m": 2.0}}
     Path("near.yaml").write_text(yaml.safe_dump(near))
     before = sorted(tmp_path.iterdir())
     assert message in refused(*arguments)
@@ -170,7 +137,7 @@ def test_studies_that_cannot_be(refused, arguments, message):
 
 
 def test_laws_side_by_side(run):
-    Path("short.yaml").write_text(yaml.safe_dump({**TINY, "control": {"planning_time_s": 1.0}}))
+    Path("short.yaml").write_text(yaml.safe_dump({**WIDE, "control": {"planning_time_s": 1.0}}))
     status, out, err = run("study", "laws", "short.yaml", "--seeds", 1, "--jobs", 1, "--out", "l", "--json")
     assert status == 0
     runs = {each["law"]: each for each in json.loads(out)["runs"]}

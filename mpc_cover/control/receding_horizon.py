@@ -8,18 +8,17 @@ What is published is that stretch, ended at rest and verified.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from mpc_cover.control.fallback import Rung, shifted_plan
 from mpc_cover.control.footing import Footing
+from mpc_cover.control.ladder import Ladder, StepResult
 from mpc_cover.control.orders import Orders
 from mpc_cover.control.reunion import apart, reunions
 from mpc_cover.control.salvage import as_before
-from mpc_cover.control.stretch import Start, ended_at_rest, spliced, stretch_steps, stretch_window
+from mpc_cover.control.second_thoughts import SecondThoughts, stays
+from mpc_cover.control.stretch import Start, spliced, stretch_steps, stretch_window
 from mpc_cover.information.build import make_map
 from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.control.courses import Course
+    from mpc_cover.control.fallback import Rung
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
     from mpc_cover.planning.task import Candidate
@@ -39,33 +39,8 @@ _QPS = 2
 """QPs a step at the most: the rest of the budget is for what goes wrong."""
 _SHARE = 0.3
 """Part of the time for a step that polishing may take: a plan that is good already needs no more."""
-_SAME_PLACE = 1e-3
-"""Who moves less than this stays where it is [m]."""
 _LAST = 3
 """So few samples before its end a mission plan that leaves something owed gives way to the next."""
-
-_MOST, _IN_VAIN = 0.5, 3
-"""Plans that leave more than this part of what is owed are thought over, so many times, each twice as long."""
-
-
-@dataclass(frozen=True, eq=False)
-class StepResult:
-    """What a control step came out with.
-
-    Attributes
-    ----------
-    plan : verified, from the step's start time on, ending at rest.
-    rung : how good it is.
-    reason : why it is no better, or what was done, in a sentence.
-    computing_time_s : what the step took.
-    deadline_missed : whether it took longer than it was given.
-    """
-
-    plan: Plan
-    rung: Rung
-    reason: str
-    computing_time_s: float
-    deadline_missed: bool
 
 
 class RecedingHorizon:
@@ -80,7 +55,6 @@ class RecedingHorizon:
     Attributes
     ----------
     coverage : what was measured, and what is owed.
-    wants_thought : whether the fleet should rest for a thorough plan (`prepare`): steps are too short, or find none.
     """
 
     def __init__(self, mission: Mission, *, backend: str = "piqp", seed: int = 0) -> None:
@@ -91,13 +65,16 @@ class RecedingHorizon:
         self.seed = seed
         self.coverage = make_map(mission)
         self._orders = Orders(self.coverage, mission.field)
-        self._grounded = np.full_like(mission.fleet.start, np.inf), np.inf
+        self._thoughts = SecondThoughts()
         self._whole: Plan | None = None
         self._former: Plan | None = None
-        self.wants_thought = False
-        self._in_vain = 0
         self._reunites = False
-        self._published: Plan | None = None
+        self._ladder = Ladder(self._footing)
+
+    @property
+    def wants_thought(self) -> bool:
+        """Whether the fleet should rest for a thorough plan (`prepare`): steps are too short, or find none."""
+        return self._thoughts.wanted
 
     @property
     def unreachable(self) -> BoolArray:
@@ -116,13 +93,14 @@ class RecedingHorizon:
         begun = time.perf_counter()
         start = self._begin(position, velocity, start_time)
         if self._nothing_left:
-            return self._result(begun, deadline, *self._stop(start))
-        self.wants_thought, self._whole = False, None
-        planning_s = self._mission.spec.control.planning_time_s * 2.0**self._in_vain
-        later = deadline if deadline is None else deadline + planning_s - self._mission.spec.control.planning_time_s
-        reason = self._replan(start, later, partial(self._engine.whole, effort_s=planning_s))
-        self._in_vain = self._in_vain + 1 if self.wants_thought else 0
-        return self._result(begun, deadline, *self._next(start, reason))
+            return self._result(begun, deadline, *self._ladder.stop(start, self._why_stop))
+        planning_s, self._whole = self._mission.spec.control.planning_time_s, None
+        effort_s = planning_s * self._thoughts.patience
+        later = None if deadline is None else deadline + effort_s - planning_s
+        self._thoughts.begin()
+        reason = self._replan(start, later, partial(self._engine.whole, effort_s=effort_s))
+        self._thoughts.end()
+        return self._result(begun, deadline, *self._ladder.best(start, self._whole, reason))
 
     def step(
         self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
@@ -131,7 +109,7 @@ class RecedingHorizon:
         begun = time.perf_counter()
         start = self._begin(position, velocity, start_time)
         if self._nothing_left or self.wants_thought:
-            return self._result(begun, deadline, *self._stop(start))
+            return self._result(begun, deadline, *self._ladder.stop(start, self._why_stop))
         known, self._whole = self._whole, self._rest_of_whole(start)
         if self._whole is None and known is not None and not self._reunites and start.time < known.end_time:
             self._former = known
@@ -140,7 +118,7 @@ class RecedingHorizon:
             self._notice_loss(start, deadline)
         else:
             self._whole, reason = self._improved(self._whole, start, deadline)
-        return self._result(begun, deadline, *self._next(start, reason))
+        return self._result(begun, deadline, *self._ladder.best(start, self._whole, reason))
 
     def set_lost(self, lost: BoolArray) -> None:
         """Go on without the agents of the (m,) mask, or with them again; the work is shared out anew.
@@ -165,13 +143,17 @@ class RecedingHorizon:
 
     def _begin(self, position: FloatArray, velocity: FloatArray, start_time: float) -> Start:
         start = Start(position, velocity, start_time)
-        self._footing.take(start, self._published)
+        self._footing.take(start, self._ladder.published)
         self._mission = self._footing.mission
         return start
 
     @property
     def _nothing_left(self) -> bool:
         return not (self.coverage.owed & self._footing.measurable).any()
+
+    @property
+    def _why_stop(self) -> str:
+        return "all is covered" if self._nothing_left else "stops to think"
 
     def _replan(self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]) -> str:
         """Plan what is owed from here, and say how; those who are out of range of each other meet before that."""
@@ -182,7 +164,7 @@ class RecedingHorizon:
             if idle and self._whole is not None and not self._reunites:
                 return "no way on was found yet"
             in_a_hurry = idle and deadline is not None and self._former is not None
-            self.wants_thought = in_a_hurry or self._is_poor(best, start)
+            self._thoughts.wanted = in_a_hurry or self._is_poor(best, start)
             self._whole, self._reunites, self._former = best.plan, False, None
             return best.kind
         if self._whole is None and (apart_now or footing.torn):
@@ -193,11 +175,11 @@ class RecedingHorizon:
 
     def _is_poor(self, best: Candidate, start: Start) -> bool:
         """Return whether a plan leaves most of what is owed, so that longer planning is worth while."""
-        if best.complete or self.coverage.endless or self._in_vain >= _IN_VAIN:
+        if best.complete or self.coverage.endless:
             return False
         owed, _ = self._left_by(start.position[None], start)
         left, _ = self._left_by(best.plan.position, start)
-        return bool(np.count_nonzero(left) > _MOST * np.count_nonzero(owed))
+        return self._thoughts.is_poor(left, owed)
 
     def _best_found(
         self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]
@@ -217,18 +199,12 @@ class RecedingHorizon:
         return Task(self._mission.fleet, cell, weight * self._footing.measurable, *state, self._period, looks=looks)
 
     def _notice_loss(self, start: Start, deadline: float | None) -> None:
-        """See whether a fleet at rest finds no way on in time; at one place again only if less is owed than before."""
+        """See whether a fleet at rest finds no way on in time."""
         here, plan = start.position, self._whole
-        if plan is None or (deadline is not None and time.perf_counter() > deadline + self._period):
-            seen, stays = here[None], True
-        else:
-            seen, stays = plan.position, _near(plan.position, here)
-        left = stays and not start.velocity.any() and bool((self._left_by(seen, start)[0] > 0.0).any())
-        owed = float(self.coverage.residual.sum())
-        place, before = self._grounded
-        if left and (owed < before or not _near(place, here)):
-            self.wants_thought = True
-            self._grounded = here, owed
+        in_time = deadline is None or time.perf_counter() <= deadline + self._period
+        seen = plan.position if plan is not None and in_time else here[None]
+        if not start.velocity.any() and stays(seen, here) and (self._left_by(seen, start)[0] > 0.0).any():
+            self._thoughts.strand(here, float(self.coverage.residual.sum()))
 
     def _runs_out(self, whole: Plan, start: Start) -> bool:
         """Return whether a mission plan has done its part, or is about to end, while more is to be done."""
@@ -274,32 +250,7 @@ class RecedingHorizon:
         weight, looks = self._orders.left(start, later, self._mission.fleet.radius)
         return weight * self._footing.measurable, looks
 
-    def _next(self, start: Start, reason: str) -> tuple[Plan, Rung, str]:
-        """Cut the horizon out of the mission plan, end it at rest, verify it; else go down the ladder."""
-        if self._whole is not None:
-            for plan in ended_at_rest(self._whole, self._mission):
-                if self._footing.keeps(plan, start):
-                    return plan, Rung.NEW, reason
-        reason = "no new plan passed the verifier"
-        if self._published is not None:
-            shifted = shifted_plan(self._published, start.position, start.velocity, start.time)
-            if self._footing.keeps(shifted, start):
-                return shifted, Rung.SHIFTED, reason
-        return self._footing.brake(start), Rung.BRAKE, reason
-
-    def _stop(self, start: Start) -> tuple[Plan, Rung, str]:
-        """Come to rest: at once if that is safe, else along the plan that was verified."""
-        stop, reason = self._footing.brake(start), "all is covered" if self._nothing_left else "stops to think"
-        if self._footing.keeps(stop, start) or self._published is None:
-            return stop, Rung.REST, reason
-        shifted = shifted_plan(self._published, start.position, start.velocity, start.time)
-        return (shifted, Rung.SHIFTED, reason) if self._footing.keeps(shifted, start) else (stop, Rung.BRAKE, reason)
-
     def _result(self, begun: float, deadline: float | None, plan: Plan, rung: Rung, reason: str) -> StepResult:
-        self._published = plan
+        self._ladder.published = plan
         now = time.perf_counter()
         return StepResult(plan, rung, reason, now - begun, deadline is not None and now > deadline)
-
-
-def _near(position: FloatArray, here: FloatArray) -> bool:
-    return bool((np.abs(position - here) < _SAME_PLACE).all())

@@ -64,13 +64,18 @@ class Refined:
         """Whether the motion satisfies the requirements."""
         return self.violation <= FEASIBILITY
 
+    @property
+    def complete(self) -> bool:
+        """Whether everything is covered, feasibly."""
+        return self.feasible and self.cost == 0.0
 
-def softness_at(sharpness: float, radius: float, count: int = 6, margin: float = MARGIN) -> Softness:
+
+def softness_at(sharpness: float, radius: float, margin: float = MARGIN) -> Softness:
     """Return the soft minimum of a stage; `radius` [m] sets the length scale.
 
     The sensing margin, `margin` over beta, makes up for what the soft minimum lies below the hard one.
     """
-    return Softness(beta=sharpness / radius, margin=margin / sharpness * radius, count=count)
+    return Softness(beta=sharpness / radius, margin=margin / sharpness * radius)
 
 
 def length_scale(window: Window) -> float:
@@ -94,9 +99,9 @@ def refine(
 ) -> Refined:
     """Lower J from the decision vector `x`, stage by stage; anytime: the best feasible motion is returned.
 
-    `iterations` bounds the QPs of a stage; `margin` is the sensing margin times beta; `fine` asks
-    for accurate QPs in all stages, not only the last; `region` is the first trust
-    radius in sensing radii; `deadline` is on `time.perf_counter`; `exact_cones` needs a back-end that has them.
+    `iterations` bounds the QPs of a stage; `margin` is the sensing margin times beta; `fine` asks for accurate QPs in
+    all stages, not only the last; `region` is the first trust radius in sensing radii; `deadline` is on
+    `time.perf_counter`; `exact_cones` needs a back-end that has them.
     Stops early once everything is covered.
     """
     scale = length_scale(window)
@@ -111,9 +116,7 @@ def refine(
     best = judge(window, x)
     current, stages = x, []
     for value in sharpness:
-        if best.cost == 0.0 and best.feasible:
-            break
-        if late(deadline):
+        if best.complete or late(deadline):
             break
         softness = softness_at(value, scale, margin=margin)
         problem = CoverageProblem(window, Settings(softness, exact_cones=exact_cones))

@@ -58,7 +58,7 @@ def refine_thoroughly(
     """
     refined = partial(refine, backend=backend, deadline=deadline, exact_cones=exact_cones)
     best = refined(window, x)
-    if not _complete(best):
+    if not best.complete:
         again = refined(window, x, fine=True)
         best = again if better(again, best) else best
     best = kicked(window, best, backend, deadline=deadline, exact_cones=exact_cones)
@@ -93,7 +93,7 @@ def hopped(
     """
     rng = np.random.default_rng(seed)
     scale, stages, done = length_scale(window), best.stages, 0
-    while not _complete(best) and not late(deadline) and (rounds is None or done < rounds):
+    while not best.complete and not late(deadline) and (rounds is None or done < rounds):
         done += 1
         base = best.x
         if guesses and done % _AFRESH == 0:
@@ -116,13 +116,13 @@ def kicked(
     """Return the best of a motion and what it becomes when the few cells that it leaves weigh more and more."""
     stages, weight, scale = best.stages, window.weight, length_scale(window)
     for _ in range(_KICKS):
-        if _complete(best) or best.cost > _WORTH_KICKING * scale or not best.feasible:
+        if best.complete or best.cost > _WORTH_KICKING * scale or not best.feasible:
             break
         if best.cost < _WORTH_SETTLING * scale:
             tight = settled(window, replace(best, stages=()), backend, deadline=deadline, exact_cones=exact_cones)
             stages += tight.stages
             best = tight
-            if _complete(best):
+            if best.complete:
                 break
         position, _velocity = window.motion(best.x)
         left = still_owed(position, window.cell, window.fleet.radius, window.weight) > 0.0
@@ -157,7 +157,3 @@ def shaken(window: Window, x: FloatArray, amplitude: float, rng: np.random.Gener
     faster = velocity + np.gradient(moved, window.period, axis=0)
     start = position[0] if window.first else position[0] + rng.normal(scale=0.5 * amplitude, size=position[0].shape)
     return window.exact_ends(window.decision(start, faster))
-
-
-def _complete(refined: Refined) -> bool:
-    return refined.feasible and refined.cost == 0.0

@@ -75,7 +75,7 @@ def plan_for(
     tell = told or _nobody
     window = task.window(steps)
     screening = part_of(deadline, 0.5)
-    tried: list[tuple[Guess, Refined]] = []
+    tried: list[tuple[Guess, FloatArray, Refined]] = []
     for guess in islice(starts(task, search), max(search.starts, 1)):
         if late(screening) and tried:
             break
@@ -89,21 +89,20 @@ def plan_for(
             deadline=deadline,
             exact_cones=search.exact_cones,
         )
-        tried.append((guess, coarse))
-        if coarse.cost == 0.0 and coarse.feasible:
+        tried.append((guess, x, coarse))
+        if coarse.complete:
             break
-    tried.sort(key=lambda item: (not item[1].feasible, item[1].cost))
-    found = [candidate_of(task, steps, coarse, guess.kind) for guess, coarse in tried]
-    for guess, coarse in tried[: search.finalists]:
+    tried.sort(key=lambda item: (not item[2].feasible, item[2].cost))
+    found = [candidate_of(task, steps, coarse, guess.kind) for guess, _, coarse in tried]
+    for finalist in tried[: search.finalists]:
         if min(found, key=lambda c: c.rank).complete or late(deadline):
             break
-        found.append(_finished(task, backend, steps, (guess, coarse), deadline, search))
+        found.append(_finished(task, backend, steps, finalist, deadline, search))
     best = min(found, key=lambda candidate: candidate.rank)
     tell(steps, best)
     still = window.exact_ends(task.flown(rest_guess(task.position), steps).decision)
     if not best.complete and search.rounds != 0:
-        guesses = [still, *(window.exact_ends(task.flown(guess, steps).decision) for guess, _ in tried)]
-        found.append(_hopped(task, backend, best, guesses, deadline, search, tell))
+        found.append(_hopped(task, backend, best, [still, *(x for _, x, _ in tried)], deadline, search, tell))
     found.append(candidate_of(task, steps, judge(window, still), "rest"))
     return sorted(found, key=lambda candidate: candidate.rank)
 
@@ -112,12 +111,12 @@ def _finished(
     task: Task,
     backend: Backend,
     steps: int,
-    start: tuple[Guess, Refined],
+    finalist: tuple[Guess, FloatArray, Refined],
     deadline: float | None,
     search: Search,
 ) -> Candidate:
     """Refine a finalist from where the coarse stages left it, then once more from the start."""
-    guess, coarse = start
+    guess, x, coarse = finalist
     window = task.window(steps)
     exact = search.exact_cones
     refined = partial(refine, window, backend=backend, deadline=deadline, exact_cones=exact)
@@ -125,7 +124,6 @@ def _finished(
     first = candidate_of(task, steps, fine, guess.kind)
     if first.complete or first.cost > _HOPELESS * length_scale(window) or late(deadline):
         return first
-    x = window.exact_ends(task.flown(guess, steps).decision)
     again = refined(x=x)
     return min(first, candidate_of(task, steps, again, guess.kind), key=lambda candidate: candidate.rank)
 

@@ -84,8 +84,7 @@ def _stretch(
     steps = end - begin
     window = _window(task, motion, owed, begin, end, steps)
     now = judge(window, window.decision(position[begin], velocity[begin : end + 1]))
-    complete = now.feasible and now.cost == 0.0
-    for count in (steps - 1,) if complete else (steps, steps + 1):
+    for count in (steps - 1,) if now.complete else (steps, steps + 1):
         window = _window(task, motion, owed, begin, end, count)
         x = window.exact_ends(window.decision(position[begin], resampled(velocity[begin : end + 1], count)))
         found = refine(window, x, backend, sharpness=_STAGES, iterations=_ITERATIONS, region=0.5)

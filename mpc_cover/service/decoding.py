@@ -71,20 +71,32 @@ _DECODERS = {
 }
 
 
-def _decode(kind: type[M], payload: bytes) -> M:
+def decode_with(decoder: msgspec.json.Decoder[M], payload: bytes) -> M:
+    """Return a message of this schema version, whatever its kind.
+
+    Raises
+    ------
+    RejectedError
+        It is too large, of another version, or no such message.
+    """
     if len(payload) > MAX_PAYLOAD:
         raise RejectedError(Reason.OVERSIZE, f"{len(payload)} bytes")
     try:
         version = _VERSION.decode(payload).schema
         if version != messages.SCHEMA_VERSION:
             raise RejectedError(Reason.SCHEMA, f"version {version}, this is {messages.SCHEMA_VERSION}")
-        decoded: M = _DECODERS[kind].decode(payload)  # type: ignore[index, assignment]
+        return decoder.decode(payload)
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise RejectedError(Reason.MALFORMED, str(error)[:200]) from None
+
+
+def _decode(kind: type[M], payload: bytes) -> M:
+    decoded: M = decode_with(_DECODERS[kind], payload)  # type: ignore[index, assignment]
     return decoded
 
 
-def _require_finite(values: Iterable[float]) -> None:
+def require_finite(values: Iterable[float]) -> None:
+    """Raise RejectedError for infinities and NaN."""
     if not all(map(math.isfinite, values)):
         raise RejectedError(Reason.NOT_FINITE)
 
@@ -93,7 +105,7 @@ def _require_shape(rows: Sequence[Sequence[float]], dimension: int) -> None:
     if any(len(row) != dimension for row in rows):
         raise RejectedError(Reason.SHAPE, f"each sample must have {dimension} coordinates")
     for row in rows:
-        _require_finite(row)
+        require_finite(row)
 
 
 def decode_state(payload: bytes, dimension: int) -> State:
@@ -105,7 +117,7 @@ def decode_state(payload: bytes, dimension: int) -> State:
         It is anything else.
     """
     state = _decode(State, payload)
-    _require_finite((state.time_s, state.speed))
+    require_finite((state.time_s, state.speed))
     reference = [row for row in (state.reference_position, state.reference_velocity) if row is not None]
     if len(reference) == 1:
         raise RejectedError(Reason.SHAPE, "a reference has a position and a velocity")
@@ -122,7 +134,7 @@ def decode_plan(payload: bytes, dimension: int) -> PlanMessage:
         It is anything else.
     """
     plan = _decode(PlanMessage, payload)
-    _require_finite((plan.start_s, plan.valid_until_s, plan.period_s))
+    require_finite((plan.start_s, plan.valid_until_s, plan.period_s))
     if plan.period_s <= 0.0:
         raise RejectedError(Reason.SHAPE, f"period_s {plan.period_s} must be greater than 0")
     steps = len(plan.input)
@@ -136,14 +148,14 @@ def decode_plan(payload: bytes, dimension: int) -> PlanMessage:
 def decode_status(payload: bytes) -> Status:
     """Return a status; RejectedError when it is none."""
     status = _decode(Status, payload)
-    _require_finite((status.mission_time_s, status.step_ms))
+    require_finite((status.mission_time_s, status.step_ms))
     return status
 
 
 def decode_map(payload: bytes) -> MapMessage:
     """Return a coverage map whose bits fit its cell count; RejectedError when it is none."""
     message = _decode(MapMessage, payload)
-    _require_finite((message.mission_time_s,))
+    require_finite((message.mission_time_s,))
     try:
         size = len(bytes.fromhex(message.bits))
     except ValueError:
@@ -156,7 +168,7 @@ def decode_map(payload: bytes) -> MapMessage:
 def decode_event(payload: bytes) -> Event:
     """Return an event; RejectedError when it is none."""
     event = _decode(Event, payload)
-    _require_finite((event.time_s,))
+    require_finite((event.time_s,))
     return event
 
 

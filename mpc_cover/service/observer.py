@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.clock import Clock
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.bus import Transport
+    from mpc_cover.service.bus import Inbox, Transport
     from mpc_cover.service.messages import State, Status
 
 DEPTH = 4096
@@ -54,12 +54,16 @@ class Observer:
         return all(entry and now - entry[1] <= patience_s and entry[0].at_rest for entry in known)
 
     def _events(self) -> list[str]:
-        events = []
-        for inbox in self._event_inboxes:
-            for item in inbox.drain():
-                try:
-                    event = decode_event(item.payload)
-                except RejectedError:
-                    continue
-                events.append(f"{event.source}: {event.text}")
-        return events
+        return [text for inbox in self._event_inboxes for text in read_events(inbox)]
+
+
+def read_events(inbox: Inbox) -> list[str]:
+    """Return the events that came since, in words; what is none is left out."""
+    events = []
+    for item in inbox.drain():
+        try:
+            event = decode_event(item.payload)
+        except RejectedError:
+            continue
+        events.append(f"{event.source}: {event.text}")
+    return events

@@ -5,15 +5,13 @@ Payloads are JSON with a schema version like all others (`messages`); what is wr
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import numpy as np
 
 from mpc_cover.control.report import Report
-from mpc_cover.service import messages
-from mpc_cover.service.decoding import MAX_PAYLOAD, Reason, RejectedError
+from mpc_cover.service.decoding import Reason, RejectedError, decode_with, require_finite
 from mpc_cover.service.messages import Count, Id, Message, Vector
 
 if TYPE_CHECKING:
@@ -75,14 +73,6 @@ class Word(Message, frozen=True, kw_only=True):
     at_rest: bool = False
 
 
-M = TypeVar("M", bound=Message)
-
-
-class _Version(msgspec.Struct):
-    schema: int
-
-
-_VERSION = msgspec.json.Decoder(_Version)
 _HELLO = msgspec.json.Decoder(Hello)
 _WORD = msgspec.json.Decoder(Word)
 
@@ -138,7 +128,7 @@ class Codec:
         RejectedError
             It is anything else.
         """
-        hello = _decoded(_HELLO, payload)
+        hello = decode_with(_HELLO, payload)
         start = () if hello.start_s is None else (hello.start_s,)
         self._check((hello.agent, *hello.present), (hello.position,), (hello.speed, hello.time_s, *start))
         return hello
@@ -151,7 +141,7 @@ class Codec:
         RejectedError
             It is anything else.
         """
-        word = _decoded(_WORD, payload)
+        word = decode_with(_WORD, payload)
         self._check((word.agent,), (), (word.start_s,))
         if word.own.agent != word.agent or len(word.missing) not in {0, len(self._ids)}:
             raise RejectedError(Reason.WRONG_AGENT, f"{word.agent} speaks for {word.own.agent}")
@@ -163,23 +153,8 @@ class Codec:
     def _check(self, names: Iterable[str], vectors: Iterable[list[float]], numbers: Iterable[float]) -> None:
         if unknown := [name for name in names if name not in self._index]:
             raise RejectedError(Reason.WRONG_AGENT, f"{unknown[0]} is not in the mission")
-        if not all(map(math.isfinite, numbers)):
-            raise RejectedError(Reason.NOT_FINITE)
+        require_finite(numbers)
         for vector in vectors:
             if len(vector) != self._dimension:
                 raise RejectedError(Reason.SHAPE, f"must have {self._dimension} coordinates")
-            if not all(map(math.isfinite, vector)):
-                raise RejectedError(Reason.NOT_FINITE)
-
-
-def _decoded(decoder: msgspec.json.Decoder[M], payload: bytes) -> M:
-    if len(payload) > MAX_PAYLOAD:
-        raise RejectedError(Reason.OVERSIZE, f"{len(payload)} bytes")
-    try:
-        version = _VERSION.decode(payload).schema
-        if version != messages.SCHEMA_VERSION:
-            raise RejectedError(Reason.SCHEMA, f"version {version}, this is {messages.SCHEMA_VERSION}")
-        message = decoder.decode(payload)
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise RejectedError(Reason.MALFORMED, str(error)[:200]) from None
-    return message
+            require_finite(vector)

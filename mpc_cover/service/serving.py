@@ -9,7 +9,7 @@ import uuid
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.errors import UserError
@@ -17,12 +17,17 @@ from mpc_cover.service.daemon import Signals, run
 from mpc_cover.service.transport import open_transport
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mpc_cover.clock import Clock
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.bus import Transport
     from mpc_cover.service.controller import Controller
+    from mpc_cover.service.daemon import Participant
     from mpc_cover.service.network import NetworkOptions
     from mpc_cover.service.state_directory import StateDirectory
+
+A = TypeVar("A", bound="Participant")
 
 SHOWN_EVERY_S = 2.0
 """How often `serve` writes a line about itself [s of the machine's clock]."""
@@ -89,11 +94,36 @@ def fly(mission: Mission, agent_id: str, options: AgentOptions, network: Network
         The mission has no such agent, or the network cannot be used as asked.
     """
     from mpc_cover.service.agent import Agent  # noqa: PLC0415 - the controller needs none
-    from mpc_cover.service.recorder import FileRecorder, Header  # noqa: PLC0415 - likewise
 
+    check_member(mission, agent_id)
+    words = f"{agent_id}: agent of {mission.spec.name}, reaches {', '.join(network.connect + network.listen)}"
+    be_agent(Agent, mission, agent_id, options, network, words)
+    return 0
+
+
+def check_member(mission: Mission, agent_id: str) -> None:
+    """Raise UserError if a mission has no such agent."""
     if agent_id not in mission.fleet.ids:
         known = ", ".join(mission.fleet.ids)
         raise UserError(f"agent {agent_id!r}: is not in mission {mission.spec.name}: its agents are {known}")
+
+
+def be_agent(
+    make: Callable[..., A], mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions, words: str
+) -> tuple[A | None, int]:
+    """Run an agent of a kind until it is done or a signal comes; `words` are said once the network is there.
+
+    Returns
+    -------
+    The agent, None if a signal came before there was one; and the exit status that signals ask for.
+
+    Raises
+    ------
+    UserError
+        The network cannot be used as asked.
+    """
+    from mpc_cover.service.recorder import FileRecorder, Header  # noqa: PLC0415 - the controller needs none
+
     instance = uuid.uuid4().hex
     with Signals() as signals:
         follow_parent(options.with_parent, signals.stop)
@@ -103,27 +133,24 @@ def fly(mission: Mission, agent_id: str, options: AgentOptions, network: Network
         try:
             transport = open_transport(network, clock, signals.stop)
         except InterruptedError:
-            return 0
+            return None, signals.exit_status
         try:
-            say(f"{agent_id}: agent of {mission.spec.name}, reaches {', '.join(network.connect + network.listen)}")
-            run(
-                Agent(
-                    mission,
-                    agent_id,
-                    transport,
-                    clock,
-                    instance=instance,
-                    speed=options.speed,
-                    seed=options.seed,
-                    recorder=recorder,
-                    say=say,
-                ),
+            say(words)
+            agent = make(
+                mission,
+                agent_id,
+                transport,
                 clock,
-                signals.stop,
+                instance=instance,
+                speed=options.speed,
+                seed=options.seed,
+                recorder=recorder,
+                say=say,
             )
+            run(agent, clock, signals.stop)
         finally:
             transport.close()
-    return 0
+    return agent, signals.exit_status
 
 
 def say(text: str) -> None:

@@ -14,8 +14,8 @@ from mpc_cover.service.agent import Agent
 from mpc_cover.service.brain import make_brain
 from mpc_cover.service.controller import Controller
 from mpc_cover.service.kills import check_deaths
+from mpc_cover.service.lives import Life
 from mpc_cover.service.local import LocalBus
-from mpc_cover.service.recorder import MemoryRecorder
 from mpc_cover.service.recording import merge
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def simulate(
     check_deaths(deaths or {}, mission)
     clock, events = VirtualClock(), list[str]()
     bus = LocalBus(clock, channel)
-    lives = [_Life(mission, name, bus, clock, seed, events.append) for name in mission.fleet.ids]
+    lives = [Life(Agent, mission, name, bus, clock, seed=seed, say=events.append) for name in mission.fleet.ids]
     brain = brain or make_brain(mission, backend, seed)
     controller = Controller(mission, brain, bus.join(), clock, deadlines=False, say=events.append)
     _run(clock, lives, controller, deaths or {}, on_tick)
@@ -79,35 +79,9 @@ def simulate(
     return Simulation(trajectory, list(controller.steps.steps), events, complete, lost, outcome)
 
 
-class _Life:
-    """An agent, and what it leaves behind."""
-
-    def __init__(
-        self, mission: Mission, name: str, bus: LocalBus, clock: VirtualClock, seed: int, say: Callable[[str], None]
-    ) -> None:
-        self.dead = False
-        self.recorder = MemoryRecorder()
-        self._transport = bus.join()
-        self.agent = Agent(
-            mission,
-            name,
-            self._transport,
-            clock,
-            instance=f"{name}-simulated",
-            seed=seed,
-            recorder=self.recorder,
-            say=say,
-        )
-
-    def end(self) -> None:
-        """Die without a word: nothing more is moved, recorded or sent."""
-        self.dead = True
-        self._transport.close()
-
-
 def _run(
     clock: VirtualClock,
-    lives: list[_Life],
+    lives: list[Life[Agent]],
     controller: Controller,
     deaths: Mapping[str, float],
     on_tick: Callable[[Status], None] | None,

@@ -10,8 +10,8 @@ import numpy as np
 
 from mpc_cover import __version__
 from mpc_cover.clock import VirtualClock
+from mpc_cover.service.lives import Life
 from mpc_cover.service.local import LocalBus
-from mpc_cover.service.recorder import MemoryRecorder
 from mpc_cover.service.recording import merge
 from mpc_cover.service.swarm_agent import SwarmAgent
 from mpc_cover.service.swarm_watch import SwarmObserver
@@ -75,7 +75,7 @@ def fly_swarm(
     """
     clock, events = VirtualClock(), list[str]()
     line = LocalBus(clock, channel)
-    lives = [_Life(mission, name, line, clock, seed, events.append) for name in mission.fleet.ids]
+    lives = [Life(SwarmAgent, mission, name, line, clock, seed=seed, say=events.append) for name in mission.fleet.ids]
     observer = SwarmObserver(mission, line.join(), clock)
     _run(clock, lives, deaths or {}, (observer, on_tick) if on_tick else None)
     died = [life.agent.id for life in lives if life.dead]
@@ -91,40 +91,9 @@ def fly_swarm(
     )
 
 
-class _Life:
-    """An agent, and what it leaves behind."""
-
-    def __init__(
-        self, mission: Mission, name: str, line: LocalBus, clock: VirtualClock, seed: int, say: Callable[[str], None]
-    ) -> None:
-        self.dead = False
-        self.recorder = MemoryRecorder()
-        self._transport = line.join()
-        self.agent = SwarmAgent(
-            mission,
-            name,
-            self._transport,
-            clock,
-            instance=f"{name}-simulated",
-            seed=seed,
-            recorder=self.recorder,
-            say=say,
-        )
-
-    @property
-    def flies(self) -> bool:
-        """Whether it is neither dead nor done."""
-        return not self.dead and not self.agent.done
-
-    def end(self) -> None:
-        """Die without a word: nothing more is moved, recorded or sent."""
-        self.dead = True
-        self._transport.close()
-
-
 def _run(
     clock: VirtualClock,
-    lives: list[_Life],
+    lives: list[Life[SwarmAgent]],
     deaths: Mapping[str, float],
     watch: tuple[SwarmObserver, Callable[[Status], None]] | None,
 ) -> None:
@@ -132,13 +101,13 @@ def _run(
     never, shown = Event(), -np.inf
     for life in lives:
         life.agent.startup()
-    while flying := [life for life in lives if life.flies]:
+    while flying := [life for life in lives if _flies(life)]:
         due = min(flying, key=lambda life: life.agent.next_time)
         time_s = due.agent.next_time
         for life in lives:
             if time_s - life.agent.start_s >= deaths.get(life.agent.id, np.inf):
                 life.end()
-        if not due.flies:
+        if not _flies(due):
             continue
         clock.wait_until(time_s, never)
         due.agent.tick()
@@ -148,6 +117,11 @@ def _run(
     for life in lives:
         if not life.dead:
             life.agent.shutdown()
+
+
+def _flies(life: Life[SwarmAgent]) -> bool:
+    """Return whether an agent is neither dead nor done."""
+    return not life.dead and not life.agent.done
 
 
 def _show(observer: SwarmObserver, on_tick: Callable[[Status], None]) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mpc_cover.service.decoding import RejectedError, decode_event
+from mpc_cover.service.decoding import RejectedError
 from mpc_cover.service.keys import Keys
 from mpc_cover.service.messages import Phase, Status
+from mpc_cover.service.observer import read_events
 from mpc_cover.service.radio import Codec
 
 if TYPE_CHECKING:
@@ -46,14 +47,7 @@ class SwarmObserver:
             self.words[word.agent] = word
         if self.words:
             self.status = self._status()
-        events = []
-        for item in self._events.drain():
-            try:
-                event = decode_event(item.payload)
-            except RejectedError:
-                continue
-            events.append(f"{event.source}: {event.text}")
-        return events
+        return read_events(self._events)
 
     def _status(self) -> Status:
         words = list(self.words.values())

@@ -33,7 +33,7 @@ PLACES = {
     "verification": ("control.easing:verify_motion", "control.easing:Bounds.keeps_mixed"),
     "splicing": (
         "control.receding_horizon:spliced",
-        "control.receding_horizon:RecedingHorizon._next",
+        "control.ladder:Ladder.best",
         "control.receding_horizon:RecedingHorizon._left_by",
     ),
 }

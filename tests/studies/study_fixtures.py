@@ -5,23 +5,13 @@ import signal
 from dataclasses import replace
 
 import msgspec
+from tiny_mission import TINY as TINY_MISSION
 
 from mpc_cover.mission.load import Mission, build_mission
 from mpc_cover.studies.record import LEVELS, Record, versions
 from mpc_cover.studies.runs import Run
 
-TINY = {
-    "schema": 1,
-    "name": "tiny",
-    "area": {"shape": {"kind": "box", "min_m": [0.0, 0.0], "max_m": [3.0, 3.0]}, "cell_size_m": 0.5},
-    "fleet": {
-        "defaults": {"sensing_radius_m": 0.7, "input_max_m_per_s2": 1.0, "speed_max_m_per_s": 1.0},
-        "agents": [{"id": "a1", "start_m": [0.75, 0.5]}, {"id": "a2", "start_m": [2.25, 0.5]}],
-        "separation_min_m": 0.4,
-        "communication_range_m": 3.0,
-    },
-    "control": {"period_s": 0.5, "horizon_steps": 8, "planning_time_s": 1.0},
-}
+TINY = {**TINY_MISSION, "control": {"period_s": 0.5, "horizon_steps": 8, "planning_time_s": 1.0}}
 
 
 def tiny(name="tiny", **changes) -> Mission:

@@ -1,0 +1,72 @@
+"""The ladder: a verified new plan, else the previous one shifted, else the brake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mpc_cover.control.fallback import Rung, shifted_plan
+from mpc_cover.control.stretch import ended_at_rest
+
+if TYPE_CHECKING:
+    from mpc_cover.control.footing import Footing
+    from mpc_cover.control.stretch import Start
+    from mpc_cover.planning.plan import Plan
+
+
+@dataclass(frozen=True, eq=False)
+class StepResult:
+    """What a control step came out with.
+
+    Attributes
+    ----------
+    plan : verified, from the step's start time on, ending at rest.
+    rung : how good it is.
+    reason : why it is no better, or what was done, in a sentence.
+    computing_time_s : what the step took.
+    deadline_missed : whether it took longer than it was given.
+    """
+
+    plan: Plan
+    rung: Rung
+    reason: str
+    computing_time_s: float
+    deadline_missed: bool
+
+
+class Ladder:
+    """Chooses what is flown; all of it has passed the verifier, but for the last brake.
+
+    Attributes
+    ----------
+    published : what is flown so far.
+    """
+
+    def __init__(self, footing: Footing) -> None:
+        self._footing = footing
+        self.published: Plan | None = None
+
+    def best(self, start: Start, whole: Plan | None, reason: str) -> tuple[Plan, Rung, str]:
+        """Cut the horizon out of the mission plan, end it at rest, verify it; else go down the ladder."""
+        if whole is not None:
+            for plan in ended_at_rest(whole, self._footing.mission):
+                if self._footing.keeps(plan, start):
+                    return plan, Rung.NEW, reason
+        reason = "no new plan passed the verifier"
+        shifted = self._shifted(start)
+        return (shifted, Rung.SHIFTED, reason) if shifted else (self._footing.brake(start), Rung.BRAKE, reason)
+
+    def stop(self, start: Start, reason: str) -> tuple[Plan, Rung, str]:
+        """Come to rest: at once if that is safe, else along the plan that was verified."""
+        stop = self._footing.brake(start)
+        if self._footing.keeps(stop, start) or self.published is None:
+            return stop, Rung.REST, reason
+        shifted = self._shifted(start)
+        return (shifted, Rung.SHIFTED, reason) if shifted else (stop, Rung.BRAKE, reason)
+
+    def _shifted(self, start: Start) -> Plan | None:
+        """Return what is left of the published plan, if that is still well."""
+        if self.published is None:
+            return None
+        shifted = shifted_plan(self.published, start.position, start.velocity, start.time)
+        return shifted if self._footing.keeps(shifted, start) else None
