@@ -100,7 +100,7 @@ class RecedingHorizon:
         self._thoughts.begin()
         reason = self._replan(start, later, partial(self._engine.whole, effort_s=effort_s))
         self._thoughts.end()
-        return self._result(begun, deadline, *self._ladder.best(start, self._whole, reason))
+        return self._result(begun, later, *self._ladder.best(start, self._whole, reason))
 
     def step(
         self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None

@@ -287,6 +287,18 @@ def test_planning_that_was_too_short_is_thought_over_for_twice_as_long(monkeypat
     assert thoughts == [True, True, False]
 
 
+def test_time_that_was_added_for_thinking_is_no_missed_deadline():
+    mission = small_mission()
+    state = mission.fleet.start, np.zeros_like(mission.fleet.start)
+    missed = []
+    for again in (False, True):
+        brain = RecedingHorizon(mission)
+        brain._thoughts.wanted = again
+        brain._thoughts.end()  # in vain, or not
+        missed.append(brain.prepare(*state, 0.0, deadline=time.perf_counter()).deadline_missed)
+    assert missed == [True, False]
+
+
 def test_thinking_in_vain_ends(monkeypatch):
     mission = small_mission()
     brain = RecedingHorizon(mission)
