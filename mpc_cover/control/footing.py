@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.constraints.stopping import exposures
 from mpc_cover.control.courses import path_among
 from mpc_cover.control.easing import bounds_within_reach, strict
 from mpc_cover.control.fallback import brake_plan, shifted_plan
 from mpc_cover.control.measurable import measurable
 from mpc_cover.control.readiness import slowed, tightened, without
+from mpc_cover.planning.continuation import EXPOSED
 from mpc_cover.verification.path import Path
 
 if TYPE_CHECKING:
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.control.courses import Course
     from mpc_cover.control.stretch import Start
+    from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
 
@@ -39,7 +42,7 @@ class Footing:
     """
 
     def __init__(self, mission: Mission) -> None:
-        self._given, self._tight = mission, tightened(mission)
+        self._given, self._tight = mission, replace(tightened(mission), reaction=_reaction(mission))
         self._lost = np.zeros(mission.fleet.size, dtype=bool)
         self._share = np.ones(mission.fleet.size)
         self._changed = False
@@ -101,6 +104,14 @@ class Footing:
         )
         return self.bounds.keeps_mixed(new, old)
 
+    def leaves_room(self, plan: Plan, known: Plan, before: tuple[FloatArray, FloatArray] | None) -> bool:
+        """Return whether a plan leaves as much room to stop as is wanted, or as the known one does.
+
+        `before` is the state a period earlier: who stopped then is not known of yet.
+        """
+        new, old = (_exposure(one, before, self.bounds.planned) for one in (plan, known))
+        return new <= max(EXPOSED, old)
+
     def _change(self) -> bool:
         self.fleet = without(slowed(self._tight, self._share), self._lost)
         self.bounds = strict(self.fleet)
@@ -113,3 +124,22 @@ class Footing:
         for index, course in self.courses.items():
             (position[index],), (velocity[index],), _ = course.at(np.array([start.time]))
         return position, velocity
+
+
+def _reaction(mission: Mission) -> float:
+    """Return how many periods may pass from a death until others fly a plan that knows of it.
+
+    It brakes from its last report on. A tick sees that it is gone; the plan of that tick begins at the next.
+    """
+    control = mission.spec.control
+    unheard_s = control.state_period_s + mission.spec.disturbance.delay_s
+    return 2.0 + unheard_s / control.period_s if mission.fleet.size > 1 else 0.0
+
+
+def _exposure(plan: Plan, before: tuple[FloatArray, FloatArray] | None, fleet: Fleet) -> float:
+    motion = plan.position, plan.velocity
+    if before is not None:
+        position, velocity = (np.concatenate([a[None], b]) for a, b in zip(before, motion, strict=True))
+    else:
+        position, velocity = motion
+    return float(exposures(position, velocity, plan.period, fleet).max(initial=0.0))

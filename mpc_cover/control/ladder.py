@@ -9,6 +9,7 @@ from mpc_cover.control.fallback import Rung, shifted_plan
 from mpc_cover.control.stretch import ended_at_rest
 
 if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.control.footing import Footing
     from mpc_cover.control.stretch import Start
     from mpc_cover.planning.plan import Plan
@@ -63,6 +64,12 @@ class Ladder:
             return stop, Rung.REST, reason
         shifted = self._shifted(start)
         return (shifted, Rung.SHIFTED, reason) if shifted else (stop, Rung.BRAKE, reason)
+
+    def state_at(self, time: float) -> tuple[FloatArray, FloatArray] | None:
+        """Return the state (m, d) [m], [m/s] that the published plan has at one of its samples; None outside."""
+        plan = self.published
+        sample = -1 if plan is None else round((time - plan.start_time) / plan.period)
+        return None if plan is None or not 0 <= sample <= plan.steps else (plan.position[sample], plan.velocity[sample])
 
     def _shifted(self, start: Start) -> Plan | None:
         """Return what is left of the published plan, if that is still well."""

@@ -20,6 +20,7 @@ from mpc_cover.control.salvage import as_before
 from mpc_cover.control.second_thoughts import SecondThoughts, stays
 from mpc_cover.control.stretch import Start, spliced, stretch_steps, stretch_window
 from mpc_cover.information.build import make_map
+from mpc_cover.planning.continuation import EXPOSED
 from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.stretches import resampled
@@ -233,17 +234,27 @@ class RecedingHorizon:
         window = replace(stretch_window(whole, self._mission, weight, stretch, stretch), looks=looks)
         x = window.decision(whole.position[0], whole.velocity[: stretch + 1])
         now = self._engine.judge(window, x)
-        sooner = int(now.cost == 0.0 and stretch > 2)  # noqa: PLR2004 - nothing to be gained from less
+        sooner = int(now.cost == 0.0 and now.exposure <= EXPOSED and stretch > 2)  # noqa: PLR2004 - no less to gain
         if sooner:
             window = replace(stretch_window(whole, self._mission, weight, stretch, stretch - 1), looks=looks)
             x = window.decision(whole.position[0], resampled(whole.velocity[: stretch + 1], stretch - 1))
         found = self._engine.polish(window, x, _QPS, part_of(deadline, _SHARE))
-        better = found.cost == 0.0 if sooner else found.cost < now.cost
+        better = found.complete if sooner else found.merit < now.merit
         if found.feasible and better:
             plan = spliced(whole, window.motion(found.x)[1], stretch)
-            if self._footing.keeps(plan, start) and self._footing.keeps_if_missed(plan, whole):
+            if self._is_safe(plan, whole, start):
                 return plan, "a sample sooner" if sooner else "more coverage"
         return whole, "no sample sooner" if sooner else "no better"
+
+    def _is_safe(self, plan: Plan, known: Plan, start: Start) -> bool:
+        """Return whether a plan is as safe as the known one, whoever misses it, and whoever stops."""
+        footing = self._footing
+        before = self._ladder.state_at(start.time - self._period)
+        return (
+            footing.keeps(plan, start)
+            and footing.keeps_if_missed(plan, known)
+            and footing.leaves_room(plan, known, before)
+        )
 
     def _left_by(self, later: FloatArray, start: Start) -> tuple[FloatArray, IntArray | None]:
         """Return weights and looks (J, K) of what is asked for and not brought by later positions of the plan."""

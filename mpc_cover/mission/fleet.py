@@ -35,6 +35,8 @@ class Fleet:
     lost : agents that take no part any more: they stand still, and the others keep clear of them.
     apart : {(i, j): what is asked of a pair [m], i < j} where that is not rho_B: two who are too near already cannot
         help it, but everyone else can.
+    reaction : periods that pass until the others know that someone has stopped; plans leave room for that. 0 when
+        nobody is expected to.
     """
 
     ids: tuple[str, ...]
@@ -50,6 +52,7 @@ class Fleet:
     links: tuple[tuple[int, int], ...] = ()
     lost: tuple[int, ...] = ()
     apart: Mapping[tuple[int, int], float] = dataclass_field(default_factory=dict)
+    reaction: float = 0.0
 
     @property
     def separations(self) -> FloatArray:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.constraints.stopping import exposures
 from mpc_cover.coverage.majoriser import Softness
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.planning.deadline import late
@@ -42,6 +43,12 @@ _HARD, _ACCURATE = 300.0, {"osqp": 1e-5, "clarabel": 1e-9, "piqp": 1e-9}
 """Sharpness and tolerance with which the last of all is settled."""
 
 
+EXPOSED = 0.01
+"""Exposure [m] that the spare room of `constraints.stopping` covers."""
+_EXPOSURE_COST = 5.0
+"""What a metre of exposure costs, in cells times metres, where motions are compared."""
+
+
 @dataclass(frozen=True, eq=False)
 class Refined:
     """What a continuation ends with.
@@ -52,12 +59,14 @@ class Refined:
     cost : its J, exactly (4.34) [m].
     violation : worst violation of the requirements, margins included.
     stages : the SQP's result for each stage.
+    exposure : by how much someone comes too near to one who stops without warning, or that one leaves the box [m].
     """
 
     x: FloatArray
     cost: float
     violation: float
     stages: tuple[Result, ...]
+    exposure: float = 0.0
 
     @property
     def feasible(self) -> bool:
@@ -66,8 +75,13 @@ class Refined:
 
     @property
     def complete(self) -> bool:
-        """Whether everything is covered, feasibly."""
-        return self.feasible and self.cost == 0.0
+        """Whether everything is covered, feasibly, and with room to stop."""
+        return self.feasible and self.cost == 0.0 and self.exposure <= EXPOSED
+
+    @property
+    def merit(self) -> float:
+        """J and what exposure is worth [m]."""
+        return self.cost + _EXPOSURE_COST * max(self.exposure - EXPOSED, 0.0)
 
 
 def softness_at(sharpness: float, radius: float, margin: float = MARGIN) -> Softness:
@@ -128,7 +142,7 @@ def refine(
         found = judge(window, current)
         if better(found, best):
             best = found
-    return Refined(best.x, best.cost, best.violation, tuple(stages))
+    return replace(best, stages=tuple(stages))
 
 
 def settled(
@@ -160,13 +174,14 @@ def settled(
 def judge(window: Window, x: FloatArray) -> Refined:
     """Return what a decision vector is worth as it stands."""
     problem = CoverageProblem(window, Settings(softness_at(SHARPNESS[-1], length_scale(window))))
-    position, _ = window.motion(x)
+    position, velocity = window.motion(x)
     cost = coverage_cost(position, window.cell, window.fleet.radius, window.weight, window.looks)
-    return Refined(x, cost, problem.measure(x).violation, ())
+    exposed = float(exposures(position, velocity, window.period, window.fleet).max(initial=0.0))
+    return Refined(x, cost, problem.measure(x).violation, (), exposed)
 
 
 def better(new: Refined, old: Refined) -> bool:
     """Whether `new` is the better motion: feasible before cheaper, and what is not feasible, the less so."""
     if new.feasible != old.feasible:
         return new.feasible
-    return new.cost < old.cost if new.feasible else new.violation < old.violation
+    return new.merit < old.merit if new.feasible else new.violation < old.violation

@@ -92,7 +92,7 @@ def plan_for(
         tried.append((guess, x, coarse))
         if coarse.complete:
             break
-    tried.sort(key=lambda item: (not item[2].feasible, item[2].cost))
+    tried.sort(key=lambda item: (not item[2].feasible, item[2].merit))
     found = [candidate_of(task, steps, coarse, guess.kind) for guess, _, coarse in tried]
     for finalist in tried[: search.finalists]:
         if min(found, key=lambda c: c.rank).complete or late(deadline):

@@ -12,6 +12,7 @@ import numpy as np
 
 from mpc_cover.constraints.graph import fleet_trees
 from mpc_cover.constraints.pairs import pair_distances
+from mpc_cover.constraints.stopping import exposures
 from mpc_cover.coverage.majoriser import soft_cost
 from mpc_cover.model.motion import path_extremes
 from mpc_cover.planning.subproblem import build_subproblem
@@ -41,7 +42,9 @@ class CoverageProblem:
         )
         excess = self._excess(position, velocity)
         worst = max(float(part.max(initial=0.0)) for part in excess)
-        return Measure(objective=cost, violation=worst, penalty=float(sum(part.sum() for part in excess)))
+        exposed = exposures(position, velocity, window.period, window.fleet)
+        penalty = float(sum(part.sum() for part in (*excess, exposed)))
+        return Measure(objective=cost, violation=worst, penalty=penalty)
 
     def convexify(self, x: FloatArray, radius: float) -> ConvexModel:
         """Return the QP around a decision vector; positions move by at most `radius` [m] along each axis."""

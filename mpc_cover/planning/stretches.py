@@ -99,9 +99,9 @@ def _better(new: Refined, old: Refined, *, longer: bool) -> bool:
     """Feasible before complete before cheaper; a longer stretch must be worth its sample."""
     if not new.feasible:
         return not old.feasible and new.violation < 0.8 * old.violation
-    if not old.feasible or new.cost == 0.0:
+    if not old.feasible or new.complete:
         return True
-    return not longer and new.cost < old.cost
+    return not longer and new.merit < old.merit
 
 
 def _window(

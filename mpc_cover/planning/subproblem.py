@@ -19,8 +19,10 @@ from mpc_cover.constraints.connectivity import connectivity_rows
 from mpc_cover.constraints.dynamics import dynamics_rows
 from mpc_cover.constraints.facets import inscribed
 from mpc_cover.constraints.limits import input_rows, speed_rows
+from mpc_cover.constraints.overrun import overrun_rows
 from mpc_cover.constraints.pairs import all_pairs, pair_distances
 from mpc_cover.constraints.rows import Layout, Rows, stack
+from mpc_cover.constraints.stopping import moments, stopping_rows, stops
 from mpc_cover.coverage.majoriser import build_majoriser
 from solvers.nlp import ConvexModel
 from solvers.qp import QP, SecondOrderCones
@@ -32,6 +34,10 @@ if TYPE_CHECKING:
 
 _NEGLIGIBLE = 1e-6
 """Samples with a smaller share in a soft minimum are left out of its row: they only fill the factors."""
+
+
+_NEAR = 0.25
+"""Room to stop is looked after where less than this is to spare [m]: the rest is left to the next iterate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +127,17 @@ def pair_rows(
     return blocks
 
 
+def stop_rows(window: Window, layout: Layout, motion: tuple[FloatArray, FloatArray], radius: float) -> list[Rows]:
+    """Return the elastic rows that leave room to stop around a motion, where the fleet asks for it."""
+    fleet, near = window.fleet, min(2.0 * radius, _NEAR)
+    if fleet.reaction == 0:
+        return []
+    met = [stops(*motion, window.period, fleet, moment, near) for moment in moments(fleet.reaction)]
+    rows = [stopping_rows(layout, *motion, window.period, fleet, found) for found in met]
+    rows.append(overrun_rows(layout, *motion, fleet, near, window.first))
+    return [block for block in rows if block.count]
+
+
 def motion_cones(
     window: Window,
     settings: Settings,
@@ -161,6 +178,7 @@ def build_subproblem(
     hard = motion_rows(window, settings, layout, velocity)
     hard += bound_rows(layout, position, box, radius, window.ends, window.fleet.lost)
     elastic = pair_rows(window, settings, required, layout, (position, velocity), radius)
+    elastic += stop_rows(window, layout, (position, velocity), radius)
     soft, slacks = _number_slacks([terms.rows, *elastic], layout.size)
     cones = motion_cones(window, settings, required, layout, (position, velocity), radius)
     edge_slack, slacks = layout.size + slacks, slacks + sum(int((block.slack >= 0).sum()) for block in cones)

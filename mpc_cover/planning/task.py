@@ -10,7 +10,7 @@ import numpy as np
 from mpc_cover.constraints.boundary import Ends
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.continuation import judge
+from mpc_cover.planning.continuation import EXPOSED, judge
 from mpc_cover.planning.follow import follow
 from mpc_cover.planning.plan import Plan
 from mpc_cover.planning.window import Window
@@ -100,6 +100,7 @@ class Candidate:
     feasible : whether it keeps all requirements.
     kind : the guess that it grew from.
     refined : how it was refined, None for a guess as it flies.
+    exposure : by how much someone comes too near to one who stops without warning [m].
     """
 
     plan: Plan
@@ -107,23 +108,30 @@ class Candidate:
     feasible: bool
     kind: str
     refined: Refined | None = None
+    exposure: float = 0.0
+
+    @property
+    def exposed(self) -> bool:
+        """Whether someone has no room to stop for one who stops without warning."""
+        return self.exposure > EXPOSED
 
     @property
     def complete(self) -> bool:
-        """Whether everything is covered, feasibly."""
-        return self.feasible and self.cost == 0.0
+        """Whether everything is covered, feasibly, and with room to stop."""
+        return self.feasible and self.cost == 0.0 and not self.exposed
 
     @property
-    def rank(self) -> tuple[bool, bool, int, float]:
-        """Feasible before complete before short; what is incomplete, by what it leaves."""
-        return (not self.feasible, self.cost > 0.0, self.plan.steps if self.complete else 0, self.cost)
+    def rank(self) -> tuple[bool, bool, bool, int, float]:
+        """Feasible before complete before room to stop before short; what is incomplete, by what it leaves."""
+        covers = self.feasible and self.cost == 0.0
+        return not self.feasible, self.cost > 0.0, self.exposed, self.plan.steps if covers else 0, self.cost
 
 
 def candidate_of(task: Task, steps: int, refined: Refined, kind: str) -> Candidate:
     """Return the candidate of a refined decision vector."""
     position, velocity = task.window(steps).motion(refined.x)
     plan = Plan(task.start_time, task.period, position, velocity, np.diff(velocity, axis=0) / task.period)
-    return Candidate(plan, refined.cost, refined.feasible, kind, refined)
+    return Candidate(plan, refined.cost, refined.feasible, kind, refined, refined.exposure)
 
 
 def as_flown(task: Task, guess: Guess, motion: Motion) -> Candidate:
