@@ -68,7 +68,7 @@ class HastyEngine:
         return Refined(window.decision(position[0], self.faster(velocity)), 0.5, 0.0, ())
 
 
-@pytest.mark.parametrize(("gap", "taken"), [(0.55, False), (0.9, True)])
+@pytest.mark.parametrize(("gap", "taken"), [(0.55, False), (1.6, True)])
 def test_a_better_plan_is_not_taken_when_whoever_misses_it_is_in_the_way(gap, taken):
     """One behind the other, both as fast: faster together is well, but not if the one in front has not heard of it."""
     agents = [{"id": "a1", "start_m": [0.6, 2.0]}, {"id": "a2", "start_m": [0.6 + gap, 2.0]}]
