@@ -7,27 +7,36 @@ measure to what is owed.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.planning.deadline import late
 from mpc_cover.planning.follow import Motion
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
+    from collections.abc import Callable
+
+    from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.planning.task import Task
 
 _NEAR = 0.8
 """Part of its sensing radius to which an agent is brought to a cell."""
 _CRUISE = 0.97
 """Part of the slowest one's limits that a convoy uses."""
+_LOOKED_AT = 60
+"""Places that are compared before each leg."""
 _NOWHERE = 1e-12
 _SEEN = 0.95
 """Part of the radius within which a cell counts as measured on the way."""
 
 
-def convoy(task: Task) -> Motion | None:
-    """Return the motion of a fleet at rest as one body from cell to cell, to rest; None where that leads nowhere."""
+def convoy(task: Task, deadline: float | None = None) -> Motion | None:
+    """Return the motion of a fleet at rest as one body from cell to cell, to rest; None where that leads nowhere.
+
+    Anytime: what was found by the deadline.
+    """
     fleet, active = task.fleet, list(task.fleet.active)
     if task.velocity.any() or task.end != "rest" or task.start_free or not active:
         return None
@@ -35,16 +44,23 @@ def convoy(task: Task) -> Motion | None:
     high = (fleet.motion_max - task.position[active]).min(axis=0)
     if (low > 0.0).any() or (high < 0.0).any():  # someone is outside
         return None
-    way = _way(task, low, high)
-    if len(way) == 0:
-        return None
     speed, force = (_CRUISE * float(limit[active].min()) for limit in (fleet.speed_max, fleet.input_max))
-    legs = np.diff(np.concatenate([np.zeros_like(way[:1]), way]), axis=0)
-    common = np.concatenate([np.zeros((1, way.shape[1])), *(_leg(one, speed, force, task.period) for one in legs)])
+    legs = _legs(task, (low, high), partial(_leg, speed=speed, force=force, period=task.period), deadline)
+    if not legs:
+        return None
+    common = np.concatenate([np.zeros((1, fleet.dimension)), *legs])
     velocity = np.zeros((len(common), *task.position.shape))
     velocity[:, active] = common[:, None]
-    moved = 0.5 * task.period * np.cumsum(velocity[:-1] + velocity[1:], axis=0)
-    return Motion(task.position + np.concatenate([np.zeros((1, *task.position.shape)), moved]), velocity)
+    moved = _moved(common, task.period)
+    position = np.repeat(task.position[None], len(common), axis=0)
+    position[:, active] += moved[:, None]
+    return Motion(position, velocity)
+
+
+def _moved(velocity: FloatArray, period: float) -> FloatArray:
+    """Return displacements (n, d) [m] at samples 0 to n - 1, of velocities (n, d) [m/s]."""
+    steps = 0.5 * period * (velocity[:-1] + velocity[1:])
+    return np.concatenate([np.zeros_like(velocity[:1]), np.cumsum(steps, axis=0)])
 
 
 def _leg(displacement: FloatArray, speed: float, force: float, period: float) -> FloatArray:
@@ -59,29 +75,43 @@ def _leg(displacement: FloatArray, speed: float, force: float, period: float) ->
             return np.asarray(size[:, None] * displacement / max(length, _NOWHERE))
 
 
-def _way(task: Task, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Return (W, d) displacements [m] of the fleet within [low, high]: again and again the nearest that shows more."""
+def _legs(task: Task, box: tuple[FloatArray, FloatArray], leg: Callable[[FloatArray], FloatArray]) -> list[FloatArray]:
+    """Return the velocities (n, d) [m/s] of each leg: again and again one that measures much in little time.
+
+    Displacements of the fleet stay within the `box`; places to go to are those where someone is near a cell.
+    """
     radius = task.fleet.radius[list(task.fleet.active)]  # (a, J)
     offset = task.cell[None] - task.position[list(task.fleet.active)][:, None]  # (a, K, d): to the cell exactly
-    nearest = np.clip(offset, low, high)
+    nearest = np.clip(offset, *box)
     within = np.linalg.norm(nearest - offset, axis=2)  # as near as the box lets them (a, K)
-    owed = np.array(task.weight > 0.0)
     reached = within[:, None] <= _SEEN * radius[:, :, None]  # (a, J, K): never where the radius is -inf
-    here, found = np.zeros(task.fleet.dimension), []
-    while (able := reached & owed).any():
-        who = able.any(axis=1)
-        ahead = np.where(who, np.linalg.norm(nearest - here, axis=2), np.inf)
-        agent, k = np.unravel_index(int(np.argmin(ahead)), ahead.shape)
-        goal = _stop_short(
-            here, nearest[agent, k], offset[agent, k], _NEAR * float(radius[agent, able[agent, :, k]].min())
-        )
-        found.append(goal)
-        distance = np.linalg.norm(offset - goal, axis=2)  # (a, K)
-        seen = (distance[:, None] <= _SEEN * radius[:, :, None]).any(axis=0)
-        seen[able[agent, :, k], k] = True
-        owed &= ~seen
-        here = goal
-    return np.array(found)
+    owed, here = np.array(task.weight > 0.0), np.zeros(task.fleet.dimension)
+    legs: list[FloatArray] = []
+
+    def seen(places: FloatArray) -> BoolArray:
+        """Return (P, J, K): what is owed and measured at displacements (P, d)."""
+        distance = np.linalg.norm(offset - places[:, None, None], axis=3)
+        return np.asarray((distance[:, :, None] <= _SEEN * radius[:, :, None]).any(axis=1) & owed)
+
+    while (able := reached & owed).any() and not late(deadline):
+        agent, k = np.nonzero(able.any(axis=1))
+        order = np.argsort(np.linalg.norm(nearest[agent, k] - here, axis=1), kind="stable")
+        agent, k = agent[order], k[order]
+        first = _NEAR * float(radius[agent[0], able[agent[0], :, k[0]]].min())
+        short = _stop_short(here, nearest[agent[0], k[0]], offset[agent[0], k[0]], first)
+        some = np.unique(np.linspace(0, len(k) - 1, _LOOKED_AT).astype(int))
+        places = np.concatenate([short[None], nearest[agent[some], k[some]]])
+        gain = np.count_nonzero(seen(places), axis=(1, 2))
+        took = [len(leg(place - here)) for place in places]
+        goal = places[int(np.argmax(gain / took))]
+        legs.append(leg(goal - here))
+        passed = here + _moved(np.concatenate([np.zeros((1, len(here))), legs[-1]]), task.period)
+        before = np.count_nonzero(owed)
+        owed &= ~seen(passed).any(axis=0)
+        if np.count_nonzero(owed) == before:  # rounding keeps it out of reach
+            owed[:, k[0]] = False
+        here = passed[-1]
+    return legs
 
 
 def _stop_short(here: FloatArray, goal: FloatArray, cell: FloatArray, near: float) -> FloatArray:

@@ -199,7 +199,7 @@ def _flown_on(rest: Task, backend: Backend, deadline: float | None) -> Candidate
         more = plan_for(rest, backend, flight.steps, Search(starts=2, finalists=1), deadline)[0]
     if _leads_on(rest, more):
         return more
-    if (moved := convoy(rest)) is None:
+    if (moved := convoy(rest, deadline)) is None:
         return None
     more = as_flown(rest, Guess("convoy", []), moved)
     return more if _leads_on(rest, more) else None

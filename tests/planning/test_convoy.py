@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from motions import PERIOD, grid
 
 from mpc_cover.planning.convoy import convoy
+from mpc_cover.planning.guesses import rest_guess
 from mpc_cover.planning.planner import Search
-from mpc_cover.planning.task import Task
+from mpc_cover.planning.task import Task, as_flown
 from mpc_cover.planning.whole import plan_whole
 from mpc_cover.verification.motion import verify_motion
 from solvers.backends.registry import make_backend
@@ -83,10 +84,19 @@ def test_the_dead_stay_and_the_moving_do_not_form_one():
     assert convoy(replace(task, weight=0.0 * task.weight)) is None
 
 
-def test_a_crowd_that_cannot_be_sorted_out_in_time_moves_all_the_same():
+def test_a_crowd_that_no_qp_sorts_out_moves_all_the_same(monkeypatch):
     """Six agents that may come neither nearer nor farther: every way of their own breaks a distance."""
     start = np.array([[0.5 + 0.6 * i, 0.5 + 0.6 * j] for i in range(3) for j in range(2)])
     task = crowd(start, [1.0] * 6, [1.0] * 6, [[0.5]] * 6, side=6.0)
     task = replace(task, fleet=replace(task.fleet, communication_range=0.65, separation_min=0.59))
-    found = plan_whole(task, make_backend("piqp"), attempts=1, search=Search(starts=1, finalists=1), deadline=0.0)
+
+    def in_vain(task, backend, steps, *_):
+        still = rest_guess(task.position)
+        return [as_flown(task, still, task.flown(still, steps))]
+
+    monkeypatch.setattr("mpc_cover.planning.whole.plan_for", in_vain)
+    found = plan_whole(task, make_backend("piqp"), attempts=1, search=Search(starts=1))
     assert found.complete
+    assert found.kind == "rest, then convoy"
+    late = plan_whole(task, make_backend("piqp"), attempts=1, search=Search(starts=1), deadline=0.0)
+    assert late.kind == "rest"
