@@ -75,7 +75,12 @@ def _leg(displacement: FloatArray, speed: float, force: float, period: float) ->
             return np.asarray(size[:, None] * displacement / max(length, _NOWHERE))
 
 
-def _legs(task: Task, box: tuple[FloatArray, FloatArray], leg: Callable[[FloatArray], FloatArray]) -> list[FloatArray]:
+def _legs(
+    task: Task,
+    box: tuple[FloatArray, FloatArray],
+    leg: Callable[[FloatArray], FloatArray],
+    deadline: float | None,
+) -> list[FloatArray]:
     """Return the velocities (n, d) [m/s] of each leg: again and again one that measures much in little time.
 
     Displacements of the fleet stay within the `box`; places to go to are those where someone is near a cell.
