@@ -12,6 +12,7 @@ from mpc_cover.control.easing import bounds_within_reach, strict
 from mpc_cover.control.fallback import brake_plan, shifted_plan
 from mpc_cover.control.measurable import measurable
 from mpc_cover.control.readiness import slowed, tightened, without
+from mpc_cover.control.reunion import apart
 from mpc_cover.verification.path import Path
 
 if TYPE_CHECKING:
@@ -57,6 +58,10 @@ class Footing:
     def torn(self) -> bool:
         """Whether not even the range can be kept from here."""
         return self.bounds.fleet.communication_range > self.fleet.communication_range
+
+    def parted(self, start: Start) -> bool:
+        """Return whether a loss left the others out of range of each other: whatever else is done, they must meet."""
+        return bool(self._lost.any()) and apart(start.position, self.fleet)
 
     def set_lost(self, lost: BoolArray) -> bool:
         """Do without the agents of the (m,) mask, or with them again; return whether that is new."""

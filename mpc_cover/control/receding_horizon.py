@@ -108,7 +108,7 @@ class RecedingHorizon:
         """Return the plan from the predicted (m, d) state at `start_time` on; never raises for numerical trouble."""
         begun = time.perf_counter()
         start = self._begin(position, velocity, start_time)
-        if self._nothing_left or self.wants_thought:
+        if self.wants_thought or (self._nothing_left and not self._footing.parted(start)):
             return self._result(begun, deadline, *self._ladder.stop(start, self._why_stop))
         known, self._whole = self._whole, self._rest_of_whole(start)
         if self._whole is None and known is not None and not self._reunites and start.time < known.end_time:
