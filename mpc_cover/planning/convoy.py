@@ -28,6 +28,8 @@ _CRUISE = 0.97
 _LOOKED_AT = 60
 """Places that are compared before each leg."""
 _NOWHERE = 1e-12
+_AT_REST = 1e-9
+"""What rounding may leave of a velocity [m/s]."""
 _SEEN = 0.95
 """Part of the radius within which a cell counts as measured on the way."""
 
@@ -38,7 +40,7 @@ def convoy(task: Task, deadline: float | None = None) -> Motion | None:
     Anytime: what was found by the deadline.
     """
     fleet, active = task.fleet, list(task.fleet.active)
-    if task.velocity.any() or task.end != "rest" or task.start_free or not active:
+    if np.abs(task.velocity).max() > _AT_REST or task.end != "rest" or task.start_free or not active:
         return None
     low = (fleet.motion_min - task.position[active]).max(axis=0)
     high = (fleet.motion_max - task.position[active]).min(axis=0)

@@ -81,6 +81,7 @@ def test_the_dead_stay_and_the_moving_do_not_form_one():
     assert np.abs(motion.position[:, 2] - [3.0, 3.0]).max() == 0.0
     assert np.abs(motion.position[:, 0] - [1.0, 1.0]).max() > 1.0
     assert convoy(replace(task, velocity=np.full_like(task.velocity, 0.1))) is None
+    assert convoy(replace(task, velocity=np.full_like(task.velocity, 1e-16))) is not None  # what rounding leaves
     assert convoy(replace(task, weight=0.0 * task.weight)) is None
 
 
