@@ -27,6 +27,8 @@ _CRUISE = 0.97
 """Part of the slowest one's limits that a convoy uses."""
 _LOOKED_AT = 60
 """Places that are compared before each leg."""
+_SPARE = 0.011
+"""What is kept off the least distance to the lost [m], as plans keep it."""
 _NOWHERE = 1e-12
 _AT_REST = 1e-9
 """What rounding may leave of a velocity [m/s]."""
@@ -101,7 +103,9 @@ def _legs(
         return np.asarray((distance[:, :, None] <= _SEEN * radius[:, :, None]).any(axis=1) & owed)
 
     while (able := reached & owed).any() and not late(deadline):
-        agent, k = np.nonzero(able.any(axis=1))
+        agent, k = np.nonzero(able.any(axis=1) & _clear(task, here, nearest))
+        if not len(k):
+            break
         order = np.argsort(np.linalg.norm(nearest[agent, k] - here, axis=1), kind="stable")
         agent, k = agent[order], k[order]
         first = _NEAR * float(radius[agent[0], able[agent[0], :, k[0]]].min())
@@ -119,6 +123,25 @@ def _legs(
             owed[:, k[0]] = False
         here = passed[-1]
     return legs
+
+
+def _clear(task: Task, here: FloatArray, goal: FloatArray) -> BoolArray:
+    """Return (...,): whether nobody comes too near to the lost on the straight way from a displacement to a goal.
+
+    `here` (d,) [m], `goal` (..., d) [m]. Whoever is too near already comes no nearer.
+    """
+    fleet, active, lost = task.fleet, list(task.fleet.active), list(task.fleet.lost)
+    clear = np.ones(goal.shape[:-1], dtype=bool)
+    if not lost or fleet.separation_min <= 0.0:
+        return clear
+    between = (task.position[lost][:, None] - task.position[active]).reshape(-1, fleet.dimension)
+    way = goal - here
+    length = np.maximum((way**2).sum(axis=-1), _NOWHERE)
+    for obstacle in between:
+        least = min(fleet.separation_min + _SPARE, float(np.linalg.norm(obstacle - here)))
+        part = np.clip(way @ (obstacle - here) / length, 0.0, 1.0)
+        clear &= np.linalg.norm(here + part[..., None] * way - obstacle, axis=-1) >= least - _AT_REST
+    return clear
 
 
 def _stop_short(here: FloatArray, goal: FloatArray, cell: FloatArray, near: float) -> FloatArray:

@@ -85,6 +85,25 @@ def test_the_dead_stay_and_the_moving_do_not_form_one():
     assert convoy(replace(task, weight=0.0 * task.weight)) is None
 
 
+@settings(max_examples=40, deadline=None)
+@given(crowds(), st.tuples(st.floats(0.0, SIDE), st.floats(0.0, SIDE)))
+def test_it_flies_around_the_dead(task, place):
+    """What cannot be reached straight on is left; what is measured is measured at the least distance at least."""
+    start = np.concatenate([task.position, [place]])
+    near = np.linalg.norm(start[:-1] - start[-1], axis=1).min()
+    fleet = fleet_of(
+        start, separation_min=0.4, motion_min=np.zeros(2), motion_max=np.full(2, SIDE), lost=(len(start) - 1,)
+    )
+    motion = convoy(replace(task, fleet=fleet, position=start, velocity=np.zeros_like(start), weight=task.weight[:1]))
+    if motion is None:
+        return
+    assert np.abs(motion.position[:, -1] - start[-1]).max() == 0.0
+    part = np.linspace(0.0, 1.0, 20)[:, None, None, None]  # straight between samples
+    every = motion.position[:-1] + part * np.diff(motion.position, axis=0)
+    distance = np.linalg.norm(every[:, :, :-1] - every[:, :, -1:], axis=3)
+    assert distance.min() >= min(0.4, near) - 1e-6
+
+
 def test_a_crowd_that_no_qp_sorts_out_moves_all_the_same(monkeypatch):
     """Six agents that may come neither nearer nor farther: every way of their own breaks a distance."""
     start = np.array([[0.5 + 0.6 * i, 0.5 + 0.6 * j] for i in range(3) for j in range(2)])
