@@ -59,6 +59,11 @@ class Footing:
         """Whether not even the range can be kept from here."""
         return self.bounds.fleet.communication_range > self.fleet.communication_range
 
+    @property
+    def parting(self) -> bool:
+        """Whether a loss tears the others apart, though they may hear each other still: nobody can stop in time."""
+        return self.torn and bool(self._lost.any())
+
     def parted(self, start: Start) -> bool:
         """Return whether a loss left the others out of range of each other: whatever else is done, they must meet."""
         return bool(self._lost.any()) and apart(start.position, self.fleet)
