@@ -206,9 +206,10 @@ def check(
 
     trajectory = load_trajectory(find_trajectory(file))
     report = check_trajectory(trajectory)
-    print_report(report, console_for(as_json=as_json))
+    summary = summarise(trajectory, report)
+    print_report(report, console_for(as_json=as_json), summary.information)
     if as_json:
-        print_json({**report.to_dict(), "summary": summarise(trajectory, report).to_dict()})
+        print_json({**report.to_dict(), "summary": summary.to_dict()})
     raise typer.Exit(0 if report.holds else 1)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.verification.connectivity import widest_bottleneck
+from mpc_cover.verification.ends import check_links
 from mpc_cover.verification.motion import taking_part, verify_motion
 from mpc_cover.verification.path import Path
 from mpc_cover.verification.separation import smallest_separation
@@ -129,7 +130,7 @@ def eased(fleet: Fleet, path: Path) -> Bounds:
             speed_max=speed,
             motion_min=np.minimum(fleet.motion_min, low - _ROUNDING),
             motion_max=np.maximum(fleet.motion_max, high + _ROUNDING),
-            communication_range=max(fleet.communication_range, longest_edge(path, fleet)),
+            communication_range=max(fleet.communication_range, longest_edge(path, fleet), _longest_link(path, fleet)),
         ),
         close,
     )
@@ -139,6 +140,11 @@ def longest_edge(path: Path, fleet: Fleet) -> float:
     """Return the longest edge [m] of the tree of those who take part, at any instant of a path; 0 for one agent."""
     widest = widest_bottleneck(taking_part(path, fleet)[0], limit=fleet.communication_range)
     return widest.value if widest is not None else 0.0
+
+
+def _longest_link(path: Path, fleet: Fleet) -> float:
+    """Return the longest of the links that must be kept [m], at any instant of a path, or a bit more; 0 for none."""
+    return fleet.communication_range - check_links(path, fleet, 0.0).margin if fleet.links else 0.0
 
 
 def _separations(path: Path, fleet: Fleet) -> list[tuple[tuple[int, int], float]]:

@@ -13,6 +13,7 @@ from mpc_cover.control.easing import bounds_within_reach, strict
 from mpc_cover.control.fallback import brake_plan, shifted_plan
 from mpc_cover.control.measurable import measurable
 from mpc_cover.control.readiness import slowed, tightened, without
+from mpc_cover.control.reunion import apart
 from mpc_cover.planning.continuation import EXPOSED
 from mpc_cover.verification.path import Path
 
@@ -60,6 +61,15 @@ class Footing:
     def torn(self) -> bool:
         """Whether not even the range can be kept from here."""
         return self.bounds.fleet.communication_range > self.fleet.communication_range
+
+    @property
+    def parting(self) -> bool:
+        """Whether a loss tears the others apart, though they may hear each other still: nobody can stop in time."""
+        return self.torn and bool(self._lost.any())
+
+    def parted(self, start: Start) -> bool:
+        """Return whether a loss left the others out of range of each other: whatever else is done, they must meet."""
+        return bool(self._lost.any()) and apart(start.position, self.fleet)
 
     def set_lost(self, lost: BoolArray) -> bool:
         """Do without the agents of the (m,) mask, or with them again; return whether that is new."""

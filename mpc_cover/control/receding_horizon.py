@@ -109,7 +109,7 @@ class RecedingHorizon:
         """Return the plan from the predicted (m, d) state at `start_time` on; never raises for numerical trouble."""
         begun = time.perf_counter()
         start = self._begin(position, velocity, start_time)
-        if self._nothing_left or self.wants_thought:
+        if self.wants_thought or (self._nothing_left and not self._footing.parted(start)):
             return self._result(begun, deadline, *self._ladder.stop(start, self._why_stop))
         known, self._whole = self._whole, self._rest_of_whole(start)
         if self._whole is None and known is not None and not self._reunites and start.time < known.end_time:
@@ -157,22 +157,33 @@ class RecedingHorizon:
         return "all is covered" if self._nothing_left else "stops to think"
 
     def _replan(self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]) -> str:
-        """Plan what is owed from here, and say how; those who are out of range of each other meet before that."""
+        """Plan what is owed from here, and say how; those whom a loss leaves out of range of each other meet first."""
         footing = self._footing
-        apart_now = apart(start.position, footing.fleet)
-        if not apart_now and (best := self._best_found(start, deadline, search)) is not None:
-            idle = best.kind == "rest" and best.cost > 0.0
-            if idle and self._whole is not None and not self._reunites:
-                return "no way on was found yet"
-            in_a_hurry = idle and deadline is not None and self._former is not None
-            self._thoughts.wanted = in_a_hurry or self._is_poor(best, start)
-            self._whole, self._reunites, self._former = best.plan, False, None
-            return best.kind
-        if self._whole is None and (apart_now or footing.torn):
+        parts = apart(start.position, footing.fleet) or footing.parting
+        if not parts and (kind := self._cover(start, deadline, search)):
+            return kind
+        if self._whole is None and (parts or footing.torn):
             plans = reunions(start, footing.fleet, self._period)
             self._whole = next((plan for plan in plans if footing.keeps(plan, start)), None)
             self._reunites = self._whole is not None
-        return "meets again" if self._reunites else "nothing better was found"
+        if self._reunites:
+            return "meets again"
+        in_touch = parts and not apart(start.position, footing.fleet)
+        return (self._cover(start, deadline, search) if in_touch else None) or "nothing better was found"
+
+    def _cover(
+        self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]
+    ) -> str | None:
+        """Take the best plan that is found for what is owed, and return of what kind it is; None if none is."""
+        if (best := self._best_found(start, deadline, search)) is None:
+            return None
+        idle = best.kind == "rest" and best.cost > 0.0
+        if idle and self._whole is not None and not self._reunites:
+            return "no way on was found yet"
+        in_a_hurry = idle and deadline is not None and self._former is not None
+        self._thoughts.wanted = in_a_hurry or self._is_poor(best, start)
+        self._whole, self._reunites, self._former = best.plan, False, None
+        return best.kind
 
     def _is_poor(self, best: Candidate, start: Start) -> bool:
         """Return whether a plan leaves most of what is owed, so that longer planning is worth while."""

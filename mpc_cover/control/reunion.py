@@ -73,7 +73,9 @@ def _groups(position: FloatArray, fleet: Fleet) -> IntArray:
     for i, j, kept in zip(*all_pairs(fleet.size), tree & (length <= NEAR * fleet.communication_range), strict=True):
         if kept:
             group[group == group[j]] = group[i]
-    return group
+    if len(set(group[list(fleet.active)].tolist())) > 1:
+        return group
+    return np.arange(fleet.size)  # it is a link that is too long, between two whom others keep in touch
 
 
 def _weights(group: IntArray, fleet: Fleet) -> Iterator[FloatArray]:

@@ -81,6 +81,8 @@ class AgeingInformation(Model):
     """How long a look is as good as new [s]."""
     growth_per_s: Positive = 1.0
     """By how much the residual information grows in a second beyond that."""
+    strict: bool = False
+    """Whether a flight on which a look gets older than that fails its verification; else its age is a figure."""
 
 
 Information = Annotated[

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 _FLIGHT_SHARPNESS = 40.0
 """In flight the minimum is as good as hard: what is planned is nearly what is flown."""
+_QUICK_PERIODS = 4.0
+"""A plan in flight without a deadline may take so many periods' effort: more would be no picture of a real flight."""
 
 
 class Engine:
@@ -47,7 +49,9 @@ class Engine:
         return plan_whole(task, self._backend, deadline=deadline)
 
     def quick(self, task: Task, deadline: float | None) -> Candidate:
-        """Plan everything that is owed from a few starts, refined once if there is time."""
+        """Plan everything that is owed from a few starts, refined once if there is time; work is bounded, too."""
+        if deadline is None:
+            deadline = Effort(self._meter, self._meter.spent_s + _QUICK_PERIODS * task.period)
         return plan_whole(task, self._backend, attempts=1, search=Search(starts=3, finalists=1), deadline=deadline)
 
     def fixed(

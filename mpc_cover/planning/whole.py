@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.planning.continuation import judge
+from mpc_cover.planning.convoy import convoy
 from mpc_cover.planning.deadline import late, part_of
-from mpc_cover.planning.guesses import rest_guess, tour_guess
+from mpc_cover.planning.guesses import Guess, rest_guess, tour_guess
 from mpc_cover.planning.planner import Search, plan_for, starts
 from mpc_cover.planning.stretches import improve
 from mpc_cover.planning.task import Candidate, Task, as_flown, candidate_of
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.planning.follow import Motion
-    from mpc_cover.planning.guesses import Guess
     from solvers.backends.base import Backend
 
 _EASY, _HARD = 0.92, 0.76
@@ -183,15 +183,32 @@ def _extended(task: Task, candidate: Candidate, backend: Backend, deadline: floa
         rest = replace(
             task, weight=weight, position=end.position[-1], velocity=end.velocity[-1], start_time=end.end_time
         )
-        tour = tour_guess(rest.fleet, rest.cell, rest.weight, rest.position)
-        flight = rest.flown(tour, None)
-        more = as_flown(rest, tour, flight)
-        if not more.feasible and not late(deadline):
-            more = plan_for(rest, backend, flight.steps, Search(starts=2, finalists=1), deadline)[0]
-        if not more.feasible or more.plan.steps == 0:
+        more = _flown_on(rest, backend, deadline)
+        if more is None:
             break
         candidate = _joined(task, candidate, more)
     return candidate
+
+
+def _flown_on(rest: Task, backend: Backend, deadline: float | None) -> Candidate | None:
+    """Return how to measure some more of what is left over, by a tour, or as one body; None if nothing does."""
+    tour = tour_guess(rest.fleet, rest.cell, rest.weight, rest.position)
+    flight = rest.flown(tour, None)
+    more = as_flown(rest, tour, flight)
+    if not more.feasible and not late(deadline):
+        more = plan_for(rest, backend, flight.steps, Search(starts=2, finalists=1), deadline)[0]
+    if _leads_on(rest, more):
+        return more
+    if (moved := convoy(rest, deadline)) is None:
+        return None
+    more = as_flown(rest, Guess("convoy", []), moved)
+    return more if _leads_on(rest, more) else None
+
+
+def _leads_on(rest: Task, more: Candidate) -> bool:
+    """Return whether a plan is feasible and leaves less than there was."""
+    left = np.count_nonzero(rest.owed_after(more.plan))
+    return more.feasible and bool(left < np.count_nonzero(rest.weight))
 
 
 def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:

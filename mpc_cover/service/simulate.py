@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from threading import Event
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mpc_cover import __version__
 from mpc_cover.clock import VirtualClock
 from mpc_cover.service.agent import Agent
@@ -16,6 +14,7 @@ from mpc_cover.service.controller import Controller
 from mpc_cover.service.kills import check_deaths
 from mpc_cover.service.lives import Life
 from mpc_cover.service.local import LocalBus
+from mpc_cover.service.messages import Phase
 from mpc_cover.service.recording import merge
 
 if TYPE_CHECKING:
@@ -96,12 +95,21 @@ def _run(
     never = Event()
     while not controller.done:
         due = min(living(), key=lambda participant: participant.next_time)
+        if (victim := _next_victim(lives, deaths)) and controller.phase is Phase.FLYING:
+            left_s = deaths[victim.agent.id] - controller.mission_time_s
+            if left_s <= due.next_time - clock.now():  # before whoever ticks at that instant
+                clock.wait_until(clock.now() + max(left_s, 0.0), never)
+                victim.end()
+                continue
         clock.wait_until(due.next_time, never)
         due.tick()
-        for life in lives:
-            if not life.dead and controller.mission_time_s >= deaths.get(life.agent.id, np.inf):
-                life.end()
         if due is controller and on_tick and controller.heartbeat.status:
             on_tick(controller.heartbeat.status)
     for participant in living():
         participant.shutdown()
+
+
+def _next_victim(lives: list[Life[Agent]], deaths: Mapping[str, float]) -> Life[Agent] | None:
+    """Return who of the living dies next."""
+    doomed = [life for life in lives if not life.dead and life.agent.id in deaths]
+    return min(doomed, key=lambda life: deaths[life.agent.id], default=None)

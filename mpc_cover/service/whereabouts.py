@@ -10,7 +10,7 @@ from mpc_cover.model.disturbance import disturbs_motion, still_air
 from mpc_cover.model.tube import tracking_of
 from mpc_cover.service.body import TrackingBody
 from mpc_cover.service.dispatch import UnknownPlanError
-from mpc_cover.service.flight import START_TOLERANCE, Plant, Reference, Schedule, predict
+from mpc_cover.service.flight import SNAP_S, START_TOLERANCE, Plant, Reference, Schedule, predict
 from mpc_cover.service.recorder import MemoryRecorder
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class Whereabouts:
         """
         assert link.state is not None
         newest = Plant(link.state.time_s, *link.measured())
-        last_s = np.floor((died_s - link.offset) / self._state_period_s) * self._state_period_s
+        last_s = (np.ceil((died_s - link.offset - SNAP_S) / self._state_period_s) - 1.0) * self._state_period_s
         if link.delay_s == 0.0 or not last_s > newest.time_s:
             return newest
         try:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.verification.ages import check_ages
 from mpc_cover.verification.coverage_claim import check_coverage
 from mpc_cover.verification.ends import check_plan_ends
 from mpc_cover.verification.losses import losses_of, verify_with_losses
@@ -25,7 +26,7 @@ def check_trajectory(trajectory: Trajectory) -> Report:
 
     The motion starts in the mission's start at rest; a plan (meta["kind"]) starts and ends as the
     mission's `planning` asks. After the loss of agents (meta["lost"]) the others must stay connected without
-    them. The coverage is recomputed from the positions at the samples.
+    them. The coverage is recomputed from the positions at the samples, and so are the ages of a strict patrol's looks.
     """
     fleet, planning = trajectory.mission.fleet, trajectory.mission.spec.planning
     planned = trajectory.meta.get("kind") == "plan"
@@ -50,4 +51,5 @@ def check_trajectory(trajectory: Trajectory) -> Report:
         unseen = Check("coverage", holds=False, margin=-np.inf, unit="s", where="not looked at")
         return Report((*motion.checks, unseen))
     ends = check_plan_ends(trajectory, TOLERANCE) if planned else []
-    return Report((*motion.checks, *ends, *check_coverage(trajectory)))
+    coverage = check_coverage(trajectory)
+    return Report((*motion.checks, *ends, *coverage, *(check_ages(trajectory) if coverage[0].holds else [])))

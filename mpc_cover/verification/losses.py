@@ -41,6 +41,7 @@ class Separation:
     loss : when the agent was lost whose loss it is put down to [s]; None when there was no such loss just before.
     allowed : the longest edge by the time at which the others had noticed and stopped [m].
     later : the longest edge after that [m].
+    unnoticed : whether the record ends before they could have noticed and stopped: there was no time to meet.
     """
 
     begin: float
@@ -49,11 +50,13 @@ class Separation:
     loss: float | None = None
     allowed: float = 0.0
     later: float = 0.0
+    unnoticed: bool = False
 
     @property
     def excused(self) -> bool:
         """Whether a loss was the cause, they came no farther apart than they had to, and met again."""
-        return self.loss is not None and self.later <= self.allowed + _SAME_TIME and np.isfinite(self.end)
+        met = bool(np.isfinite(self.end)) or self.unnoticed
+        return self.loss is not None and self.later <= self.allowed + _SAME_TIME and met
 
 
 def losses_of(trajectory: Trajectory) -> dict[int, float]:
@@ -135,7 +138,8 @@ def _judged(
     loss = max(causes)
     early = time <= loss + reaction + _SAME_TIME
     allowed = float(longest[early].max()) if early.any() else 0.0
-    return Separation(begin, met, largest, loss, allowed, float(longest[~early].max(initial=0.0)))
+    unnoticed = float(trajectory.time[-1]) <= loss + reaction + _SAME_TIME
+    return Separation(begin, met, largest, loss, allowed, float(longest[~early].max(initial=0.0)), unnoticed)
 
 
 def _longest_edges(trajectory: Trajectory, losses: dict[int, float]) -> tuple[FloatArray, FloatArray]:
@@ -166,10 +170,11 @@ def _check_connectivity(trajectory: Trajectory, losses: dict[int, float], tolera
     margin = reach - float(longest[worst])
     checks = [Check("connectivity", margin >= -tolerance, margin, "m", f"those left, t = {time[worst]:.3f} s")]
     for one in excused:
+        end = min(one.end, float(trajectory.time[-1]))
         where = (
-            f"after the loss at t = {one.loss:.2f} s the others were apart for {one.end - one.begin:.2f} s, "
-            f"by {one.largest:.3f} m, from t = {one.begin:.2f} s to t = {one.end:.2f} s"
-        )
+            f"after the loss at t = {one.loss:.2f} s the others were apart for {end - one.begin:.2f} s, "
+            f"by {one.largest:.3f} m, from t = {one.begin:.2f} s to t = {end:.2f} s"
+        ) + ", the end of the record: too soon to meet" * (one.end > end)
         slack = one.allowed - max(one.later, reach)
         checks.append(Check("together again after a loss", holds=True, margin=slack, unit="m", where=where))
     return checks

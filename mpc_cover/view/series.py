@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mpc_cover.verification.connectivity import bottleneck
+from mpc_cover.verification.losses import losses_of
 from mpc_cover.verification.path import Path
 from mpc_cover.verification.summary import floor_percent, swath_bound, time_to_cover
 from mpc_cover.view.style import GOOD, INK, LIMIT, QUIET, agent_style, draw_limit, outlined
@@ -83,17 +85,24 @@ def draw_inputs(axes: Axes, trajectory: Trajectory) -> None:
 
 
 def draw_distances(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the distance of each pair between samples, too, with rho_B, rho_C and the tree's longest edge."""
+    """Draw the distance of each pair between samples, too, with rho_B, rho_C and the longest edge of the tree.
+
+    The tree is that of those who live (4.20); the dead remain obstacles, from whom others keep their distance.
+    """
     fleet = trajectory.mission.fleet
     path = Path(trajectory.time, trajectory.position, trajectory.velocity, trajectory.input)
     time, position = path.dense(max(1, _DENSE // len(trajectory.time)))
     first, second = path.pair
+    losses = losses_of(trajectory)
     distance = np.linalg.norm(position[:, first] - position[:, second], axis=2)
     axes.plot(time, distance, color=QUIET, linewidth=0.9, alpha=max(0.25, 1.0 - 0.02 * first.size))
     if len(trajectory.agent_id) > 2:  # noqa: PLR2004 - of one pair the tree is the pair
-        widest = bottleneck(distance, len(trajectory.agent_id))
-        axes.plot(time, widest, color=INK, linewidth=2.6, label="longest tree edge", path_effects=outlined(4.0))
+        widest, name = _longest_edge(trajectory, time, distance), "longest tree edge"
+        name += " (living)" * bool(losses)
+        axes.plot(time, widest, color=INK, linewidth=2.6, label=name, path_effects=outlined(4.0))
         axes.plot(time, distance.min(axis=1), color="#D55E00", linewidth=2.2, label="closest pair")
+    _mark_deaths(axes, trajectory)
+    if axes.get_legend_handles_labels()[1]:
         legend = axes.legend(loc="upper left", ncols=2, handlelength=1.3, columnspacing=0.9, borderpad=0.2)
         legend.set_in_layout(False)
     top = 1.3 * float(distance.max())
@@ -105,6 +114,30 @@ def draw_distances(axes: Axes, trajectory: Trajectory) -> None:
         top = max(top, 1.3 * fleet.communication_range)
     axes.set_ylim(0.0, top)
     _finish(axes, trajectory, "Distances between agents", "distance [m]")
+
+
+def _longest_edge(trajectory: Trajectory, time: FloatArray, distance: FloatArray) -> FloatArray:
+    """Return (Q,) the longest edge [m] of the tree of those who live at times (Q,) [s]; NaN where one is left.
+
+    `distance` is (Q, P) [m].
+    """
+    losses, agents = losses_of(trajectory), len(trajectory.agent_id)
+    first, second = np.triu_indices(agents, k=1)
+    widest = np.full(time.shape, np.nan)
+    since = np.sort([-np.inf, *losses.values()])
+    for begin, end in pairwise([*since, np.inf]):
+        living = [i for i in range(agents) if losses.get(i, np.inf) > begin]
+        now, between = (time >= begin) & (time < end), np.isin(first, living) & np.isin(second, living)
+        if between.any() and now.any():
+            widest[now] = bottleneck(distance[np.ix_(now, between)], len(living))
+    return widest
+
+
+def _mark_deaths(axes: Axes, trajectory: Trajectory) -> None:
+    """Draw when agents died, each in its own line of the legend."""
+    for index, time in sorted(losses_of(trajectory).items(), key=lambda item: item[1]):
+        name = f"{trajectory.agent_id[index]} dies, {time:.1f} s"
+        axes.axvline(time, color=agent_style(index)[0], linewidth=1.8, linestyle=(0, (2, 1.5)), label=name, zorder=3)
 
 
 def draw_step_times(axes: Axes, step_times: FloatArray, period_s: float) -> None:

@@ -29,8 +29,8 @@ def print_summary(summary: RunSummary, console: Console) -> None:
         console.print(Text(f"violation: {violation}", style="bold red"))
 
 
-def print_report(report: Report, console: Console) -> None:
-    """Print what holds and by what margin."""
+def print_report(report: Report, console: Console, information: dict[str, Any] | None = None) -> None:
+    """Print what holds and by what margin, and the figures of the mission's kind of information, if it has some."""
     table = Table(title="verification", title_justify="left")
     for header in ("check", "holds", "margin", "where it is smallest"):
         table.add_column(header, justify="right" if header == "margin" else "left")
@@ -38,6 +38,8 @@ def print_report(report: Report, console: Console) -> None:
         verdict = Text("yes", style="green") if check.holds else Text("NO", style="bold red")
         table.add_row(Text(check.name), verdict, Text(_margin(check.margin, check.unit)), Text(check.where))
     console.print(table)
+    if information is not None:
+        console.print(Text(_information(information), style=_warning(information)))
     failed = len(report.failures)
     if failed:
         console.print(Text(f"{failed} of {len(report.checks)} checks failed", style="bold red"))

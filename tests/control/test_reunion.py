@@ -108,3 +108,20 @@ def test_a_state_just_outside_any_bound_leaves_a_plan_that_holds():
         path, state = rest_at(fleet, np.array(position), np.array(velocity))
         assert not strict(fleet).keeps(path, state), name
         assert bounds_within_reach(fleet, [path], state).keeps(path, state), name
+
+
+def test_a_link_that_is_too_long_is_closed_though_others_keep_both_in_touch():
+    """As when the tube leaves less of the range than the start needs: the tree is well, one pair's own link is not."""
+    start = [[0.66, 3.25], [1.45, 3.39], [0.9, 2.57], [1.48, 2.16]]
+    fleet = replace(fleet_at(start, reach=1.32), links=((3, 0),))
+    assert apart(fleet.start, fleet)
+    assert not apart(fleet.start, replace(fleet, links=()))
+    _, plan = reunite(fleet, np.zeros((4, 2)))
+    assert plan is not None
+    assert not apart(plan.position[-1], fleet)
+    drifting = np.zeros((4, 2))
+    drifting[3, 0] = 0.3  # away: braking alone makes it longer, which cannot be helped
+    bounds, plan = reunite(fleet, drifting)
+    assert bounds.fleet.communication_range > np.linalg.norm(fleet.start[3] - fleet.start[0])
+    assert plan is not None
+    assert not apart(plan.position[-1], fleet)

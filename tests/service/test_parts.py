@@ -1,5 +1,6 @@
 """The small parts: signals, the loop, the grid, the step log, the run folder, what is shown."""
 
+import io
 import os
 import signal
 import socket
@@ -145,9 +146,9 @@ def test_a_step_log_on_a_full_disk_does_not_stop_the_control():
     assert log.count == 2
 
 
-def status(covered: int) -> Status:
+def status(covered: int, phase: Phase = Phase.FLYING) -> Status:
     return Status(
-        controller="c", epoch=1, seq=0, phase=Phase.FLYING, mission_time_s=1.0, covered_count=covered, cell_count=10_000
+        controller="c", epoch=1, seq=0, phase=phase, mission_time_s=1.0, covered_count=covered, cell_count=10_000
     )
 
 
@@ -166,6 +167,33 @@ def test_progress_leaves_the_last_line_behind(terminal):
     text = console.export_text()
     assert "[not markup]" in text
     assert text.rstrip().endswith(describe(status(9_999)))
+
+
+class Heard(io.StringIO):
+    """A file that tells when a text was written to it so many times."""
+
+    def __init__(self, text, times):
+        super().__init__()
+        self.text, self.times, self.enough = text, times, Event()
+
+    def write(self, part):
+        size = super().write(part)
+        if self.getvalue().count(self.text) >= self.times:
+            self.enough.set()
+        return size
+
+
+def test_planning_is_not_silent_while_nothing_is_heard_of_it():
+    file = Heard("s so far", 3)
+    with Progress(Console(file=file, width=100), plans_every_s=0.01) as progress:
+        progress.show(status(0, Phase.PLANNING))  # and nothing more, until it is done
+        assert file.enough.wait(30.0)
+        progress.show(status(9_999))
+        said = file.getvalue().count("s so far")
+    lines = file.getvalue().splitlines()
+    assert lines[0] == "plans while everyone is at rest: 0 s so far"
+    assert lines[-1] == describe(status(9_999))
+    assert len(lines) == said + 1
 
 
 def test_runs_of_the_same_second_do_not_collide(tmp_path, monkeypatch, mission):

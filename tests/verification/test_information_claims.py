@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from flights import leg, propagate
 from mission_kinds import KINDS, SEVERAL, mission_with
+from rich.console import Console
 
 from mpc_cover.information.replay import measured_at
 from mpc_cover.trajectory import Trajectory
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.coverage_claim import first_measured
 from mpc_cover.verification.summary import summarise
+from mpc_cover.view.tables import print_report
 
 
 def flight_of(information, **options):
@@ -84,6 +87,37 @@ def test_ages_are_those_of_each_cell_on_its_own():
     assert found["mean_age_s"] == pytest.approx(ages.mean(), rel=0.02)
     known = trajectory.time >= trajectory.covered_at.max()
     assert found["worst_age_after_first_lap_s"] == pytest.approx(ages[known].max())
+
+
+def aged(limit_s, **more):
+    """Return a patrol's flight, and the greatest age of a look on it, cell by cell and look by look."""
+    trajectory = flight_of({"kind": "ageing", "age_limit_s": limit_s, **more}, radius=2.5)
+    distance = np.linalg.norm(trajectory.position[:, :, None] - trajectory.cell, axis=3)
+    worst = 0.0
+    for k in range(len(trajectory.cell)):
+        looks = trajectory.time[(distance[:, :, k] <= 2.5).any(axis=1)]
+        worst = max(worst, np.diff([0.0, *looks, trajectory.time[-1]]).max())
+    return trajectory, worst
+
+
+def test_ages_are_a_figure_unless_the_mission_is_strict_about_their_limit():
+    trajectory, worst = aged(1.0)
+    assert 1.5 < worst < trajectory.time[-1]
+    report = check_trajectory(trajectory)
+    assert report.holds
+    assert "age limit" not in {check.name for check in report.checks}
+    console = Console(file=(shown := io.StringIO()), width=200)
+    print_report(report, console, summarise(trajectory, report).information)
+    assert "age limit 1 s" in shown.getvalue()
+
+
+def test_a_strict_patrol_is_held_to_its_limit():
+    _, worst = aged(1.0)
+    for limit_s, holds in ((worst + 0.01, True), (worst - 0.01, False)):
+        check = next(c for c in check_trajectory(aged(limit_s, strict=True)[0]).checks if c.name == "age limit")
+        assert check.holds == holds
+        assert check.margin == pytest.approx(limit_s - worst)
+        assert f"no look for {worst:.2f} s until t = " in check.where
 
 
 def test_variances_and_looks_are_those_of_the_map():

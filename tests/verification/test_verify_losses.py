@@ -107,6 +107,15 @@ def test_but_they_must_meet():
     assert together_again(report) is None
 
 
+def test_unless_the_record_ends_before_they_could_notice():
+    """The middle one dies when everyone has come to rest, and the mission is over, or goes on."""
+    died_at_the_end = relay_lost([0.0] * 3)
+    report = check_trajectory(died_at_the_end)
+    assert report.holds, report.failures
+    assert "the end of the record: too soon to meet" in str(together_again(report))
+    assert not check_trajectory(relay_lost([0.0] * 12)).holds
+
+
 def test_and_come_no_farther_apart_once_they_could_know():
     """They rest until 3 s, part again, and meet at last."""
     apart = [0.0] * 6 + [-0.4, 0.4]

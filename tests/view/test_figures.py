@@ -211,6 +211,30 @@ def test_distances_are_drawn_between_the_samples(flight):
     assert {text.get_text() for text in axes.texts} == {r"$\rho_B$ = 0.5 m", r"$\rho_C$ = 5.5 m"}
 
 
+def test_the_tree_is_that_of_the_living_and_deaths_are_marked():
+    mission = box_mission([[1.0, 1.0], [2.0, 1.0], [3.5, 1.0]], [20.0, 4.0], communication_range_m=3.0)
+    away = np.zeros((20, 3, 2))
+    away[:, 2, 0] = 0.2  # a3 goes on and on, dead at 2 s: (0.5 * 0.2 * 2^2) m further than 1.5 m from a2
+    flight = trajectory_of(mission, away)
+    died = replace(flight, meta={**flight.meta, "lost": {"a3": 2.0}})
+    curves = {}
+    for name, each in (("alive", flight), ("dead", died)):
+        axes = Figure().add_subplot()
+        series.draw_distances(axes, each)
+        curves[name] = {line.get_label(): line for line in axes.lines}
+    time, alive = curves["alive"]["longest tree edge"].get_data()
+    np.testing.assert_allclose(alive, 1.5 + 0.1 * time**2)
+    time, living = curves["dead"]["longest tree edge (living)"].get_data()
+    np.testing.assert_allclose(living, np.where(time < 2.0, 1.5 + 0.1 * time**2, 1.0))
+    assert curves["dead"]["a3 dies, 2.0 s"].get_xdata()[0] == 2.0
+    assert not any("dies" in label for label in curves["alive"])
+    widow = replace(flight, meta={**flight.meta, "lost": {"a3": 2.0, "a1": 2.0}})
+    axes = Figure().add_subplot()
+    series.draw_distances(axes, widow)  # one is left, who has no tree
+    edge = next(line for line in axes.lines if "tree" in line.get_label()).get_ydata()
+    assert np.isfinite(edge).sum() == (time < 2.0).sum()
+
+
 def test_speeds_and_inputs_have_a_curve_each_and_a_bound(flight):
     axes = Figure().add_subplot()
     series.draw_speeds(axes, flight)

@@ -1,0 +1,53 @@
+"""How old the looks of a patrol got, counted anew from the positions: a figure, or a limit where the mission says so.
+
+`age_limit_s` is how long a look is as good as new; the fleet patrols so as to renew it by then, but no fleet is fast
+enough for every field. It is a promise only with `strict: true`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.mission.information import AgeingInformation
+from mpc_cover.verification.report import Check
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.trajectory import Trajectory
+
+_TIE = 1e-9
+"""A cell at distance exactly rho counts as measured, whatever the last bit says [m]."""
+_SAME_TIME = 1e-6
+
+
+def check_ages(trajectory: Trajectory) -> list[Check]:
+    """Check that no cell went without a look for longer than a strict patrol's limit; nothing for other missions."""
+    given = trajectory.mission.spec.information
+    if not isinstance(given, AgeingInformation) or not given.strict:
+        return []
+    gap, until = longest_gaps(trajectory)
+    j, k = np.unravel_index(int(np.argmax(gap)), gap.shape)
+    margin = given.age_limit_s - float(gap[j, k])
+    cell = ", ".join(f"{x:.3g}" for x in trajectory.cell[k])
+    where = f"{trajectory.mission.fleet.magnitudes[j]}, cell {k} at ({cell}), no look for {gap[j, k]:.2f} s until "
+    where += f"t = {until[j, k]:.2f} s"
+    return [Check("age limit", margin >= -_SAME_TIME, margin, "s", where)]
+
+
+def longest_gaps(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Return (J, K) [s] the longest time without a look at each magnitude and cell, and until when (J, K) [s].
+
+    The start of the record counts as a look, and its end ends the last gap.
+    """
+    radius = trajectory.mission.fleet.radius.T  # (J, m)
+    last = np.full((radius.shape[0], len(trajectory.cell)), float(trajectory.time[0]))
+    gap, until = np.zeros_like(last), last.copy()
+    for time, position in zip(trajectory.time, trajectory.position, strict=True):
+        longer = time - last > gap
+        gap, until = np.where(longer, time - last, gap), np.where(longer, time, until)
+        distance = np.linalg.norm(trajectory.cell[:, None] - position, axis=2)  # (K, m)
+        seen = (distance[None] <= radius[:, None] + _TIE).any(axis=2)
+        last[seen] = time
+    return gap, until
