@@ -66,7 +66,7 @@ class RecedingHorizon:
         self.seed = seed
         self.coverage = make_map(mission)
         self._orders = Orders(self.coverage, mission.field)
-        self._thoughts = SecondThoughts()
+        self._thoughts = SecondThoughts(mission.spec.control.planning_time_s)
         self._whole: Plan | None = None
         self._former: Plan | None = None
         self._reunites = False
@@ -187,7 +187,7 @@ class RecedingHorizon:
 
     def _is_poor(self, best: Candidate, start: Start) -> bool:
         """Return whether a plan leaves most of what is owed, so that longer planning is worth while."""
-        if best.complete or self.coverage.endless:
+        if best.covers or self.coverage.endless:
             return False
         owed, _ = self._left_by(start.position[None], start)
         left, _ = self._left_by(best.plan.position, start)
@@ -200,7 +200,7 @@ class RecedingHorizon:
         task, sound = self._task(start), []
         if self._former is not None:
             sound.append(as_before(task, self._former))
-        if deadline is None or not sound or not sound[0].complete:
+        if deadline is None or not sound or not sound[0].covers:
             sound.append(search(task, deadline))
         sound = [one for one in sound if one.feasible and self._footing.keeps(one.plan, start)]
         return min(sound, key=lambda candidate: candidate.rank, default=None)

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 
 _MOST, _IN_VAIN = 0.5, 3
 """Plans that leave more than this part of what is owed are thought over, so many times, each twice as long."""
+_LONG_S = 16.0
+"""More often than that, until thinking took so long [s]: a short planning time must not strand a fleet."""
 _SAME_PLACE = 1e-3
 """Who moves less than this stays where it is [m]."""
 
@@ -18,13 +20,18 @@ _SAME_PLACE = 1e-3
 class SecondThoughts:
     """Keeps a fleet from flying poor plans, and from thinking for ever.
 
+    Parameters
+    ----------
+    planning_s : how long the first thought takes.
+
     Attributes
     ----------
     wanted : whether the fleet should rest for a thorough plan.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, planning_s: float) -> None:
         self.wanted = False
+        self._most = max(_IN_VAIN, int(np.ceil(np.log2(_LONG_S / planning_s))))
         self._in_vain = 0
         self._place: FloatArray | None = None
         self._owed = np.inf
@@ -44,7 +51,7 @@ class SecondThoughts:
 
     def is_poor(self, left: FloatArray, owed: FloatArray) -> bool:
         """Return whether a plan that leaves weights (J, K) of those owed is to be thought over once more."""
-        return self._in_vain < _IN_VAIN and bool(np.count_nonzero(left) > _MOST * np.count_nonzero(owed))
+        return self._in_vain < self._most and bool(np.count_nonzero(left) > _MOST * np.count_nonzero(owed))
 
     def strand(self, here: FloatArray, owed: float) -> None:
         """Note a fleet at rest at (m, d) [m] that found no way on; at one place again only if less is owed by then."""

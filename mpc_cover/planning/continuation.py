@@ -81,7 +81,12 @@ class Refined:
     @property
     def merit(self) -> float:
         """J and what exposure is worth [m]."""
-        return self.cost + _EXPOSURE_COST * max(self.exposure - EXPOSED, 0.0)
+        return merit(self.cost, self.exposure)
+
+
+def merit(cost: float, exposure: float) -> float:
+    """Return what a motion of cost J [m] and an exposure [m] is worth, where motions are compared [m]."""
+    return cost + _EXPOSURE_COST * max(exposure - EXPOSED, 0.0)
 
 
 def softness_at(sharpness: float, radius: float, margin: float = MARGIN) -> Softness:

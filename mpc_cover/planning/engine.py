@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from mpc_cover.constraints.stopping import exposures
 from mpc_cover.errors import UserError
 from mpc_cover.planning.continuation import judge, refine
-from mpc_cover.planning.deadline import Effort, Meter
+from mpc_cover.planning.deadline import Effort, Meter, late, part_of
 from mpc_cover.planning.metered import metered
 from mpc_cover.planning.planner import Search, plan_for
 from mpc_cover.planning.whole import plan_shortest, plan_whole
@@ -22,6 +27,10 @@ if TYPE_CHECKING:
 
 _FLIGHT_SHARPNESS = 40.0
 """In flight the minimum is as good as hard: what is planned is nearly what is flown."""
+_ROOMY = 0.6
+"""Part of the time for plans with room to stop; the rest is for those without, should it come to that."""
+_WORTH = 0.3
+"""Plans with room to stop may leave this part of what is owed over for the next."""
 _QUICK_PERIODS = 4.0
 """A plan in flight without a deadline may take so many periods' effort: more would be no picture of a real flight."""
 
@@ -46,13 +55,14 @@ class Engine:
         """Plan everything that is owed, thoroughly; without a deadline with so much effort [s] at the most."""
         if deadline is None and effort_s is not None:
             deadline = Effort(self._meter, self._meter.spent_s + effort_s)
-        return plan_whole(task, self._backend, deadline=deadline)
+        return _with_room(partial(plan_whole, backend=self._backend), task, deadline)
 
     def quick(self, task: Task, deadline: float | None) -> Candidate:
         """Plan everything that is owed from a few starts, refined once if there is time; work is bounded, too."""
         if deadline is None:
             deadline = Effort(self._meter, self._meter.spent_s + _QUICK_PERIODS * task.period)
-        return plan_whole(task, self._backend, attempts=1, search=Search(starts=3, finalists=1), deadline=deadline)
+        few = partial(plan_whole, backend=self._backend, attempts=1, search=Search(starts=3, finalists=1))
+        return _with_room(few, task, deadline)
 
     def fixed(
         self,
@@ -86,3 +96,18 @@ class Engine:
     def judge(self, window: Window, x: FloatArray) -> Refined:
         """Return what a motion is worth as it stands."""
         return judge(window, x)
+
+
+def _with_room(plan: Callable[..., Candidate], task: Task, deadline: float | None) -> Candidate:
+    """Plan with room to stop; where that leaves too much over, without, too: a crowd would hardly move."""
+    if task.fleet.reaction == 0.0:
+        return plan(task, deadline=deadline)
+    roomy = plan(task, deadline=part_of(deadline, _ROOMY))
+    if roomy.feasible and np.count_nonzero(task.owed_after(roomy.plan)) <= _WORTH * np.count_nonzero(task.weight):
+        return roomy
+    if late(deadline):
+        return roomy
+    dense = plan(replace(task, fleet=replace(task.fleet, reaction=0.0)), deadline=deadline)
+    flown = dense.plan
+    exposed = exposures(flown.position, flown.velocity, flown.period, task.fleet).max(initial=0.0)
+    return min(roomy, replace(dense, exposure=float(exposed)), key=lambda candidate: candidate.rank)

@@ -10,7 +10,7 @@ import numpy as np
 from mpc_cover.constraints.boundary import Ends
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.continuation import EXPOSED, judge
+from mpc_cover.planning.continuation import EXPOSED, judge, merit
 from mpc_cover.planning.follow import follow
 from mpc_cover.planning.plan import Plan
 from mpc_cover.planning.window import Window
@@ -116,15 +116,20 @@ class Candidate:
         return self.exposure > EXPOSED
 
     @property
+    def covers(self) -> bool:
+        """Whether everything is covered, feasibly."""
+        return self.feasible and self.cost == 0.0
+
+    @property
     def complete(self) -> bool:
         """Whether everything is covered, feasibly, and with room to stop."""
-        return self.feasible and self.cost == 0.0 and not self.exposed
+        return self.covers and not self.exposed
 
     @property
     def rank(self) -> tuple[bool, bool, bool, int, float]:
-        """Feasible before complete before room to stop before short; what is incomplete, by what it leaves."""
-        covers = self.feasible and self.cost == 0.0
-        return not self.feasible, self.cost > 0.0, self.exposed, self.plan.steps if covers else 0, self.cost
+        """Feasible before covering all before room to stop before short; what leaves something, by what it leaves."""
+        last = (self.exposed, self.plan.steps) if self.covers else (False, 0)
+        return not self.feasible, self.cost > 0.0, *last, merit(self.cost, self.exposure)
 
 
 def candidate_of(task: Task, steps: int, refined: Refined, kind: str) -> Candidate:
