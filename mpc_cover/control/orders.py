@@ -22,6 +22,11 @@ A pass brings about two. With four agents and K = 15 the planning takes twice as
 """
 
 
+def takes_laps(looks: IntArray | None) -> bool:
+    """Return whether so many looks (J, K) are owed that plans which pass by as fast as they can need several laps."""
+    return looks is not None and int(looks.max(initial=0)) > _AT_ONCE
+
+
 class Orders:
     """Hands out the work to mission plans, one after another.
 
@@ -40,14 +45,17 @@ class Orders:
         """Whether looks are owed that the present mission plan was not asked for."""
         return self._later is not None and bool(self._later.any())
 
-    def next(self, start: Start) -> tuple[FloatArray, IntArray | None]:
-        """Return weights and looks (J, K) that a new mission plan from here is to bring; looks None for one each."""
+    def next(self, start: Start, *, in_one_go: bool = False) -> tuple[FloatArray, IntArray | None]:
+        """Return weights and looks (J, K) that a new mission plan from here is to bring; looks None for one each.
+
+        `in_one_go` asks for all that are owed, however many.
+        """
         self._coverage.begin_lap(start.time, start.position)
         owed = self._coverage.demand(start.time, start.position)
         weight = owed.gamma * self._field.weight
-        if owed.looks is None:
+        if owed.looks is None or in_one_go:
             self._later = None
-            return weight, None
+            return weight, owed.looks
         most = _AT_ONCE if owed.looks.max() <= _AT_ONCE else _BY_LAP
         self._later = np.maximum(owed.looks - most, 0)
         return weight, np.minimum(owed.looks, most)

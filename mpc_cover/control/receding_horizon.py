@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from mpc_cover.control.footing import Footing
 from mpc_cover.control.ladder import Ladder, StepResult
-from mpc_cover.control.orders import Orders
+from mpc_cover.control.orders import Orders, takes_laps
 from mpc_cover.control.reunion import apart, reunions
 from mpc_cover.control.salvage import as_before
 from mpc_cover.control.second_thoughts import SecondThoughts, stays
@@ -185,6 +185,8 @@ class RecedingHorizon:
         self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]
     ) -> Candidate | None:
         """Return the better of what is left of the former plan and of a search, for which a step may be too short."""
+        if (slow := self._in_one_go(start, deadline)) is not None:
+            return slow
         task, sound = self._task(start), []
         if self._former is not None:
             sound.append(as_before(task, self._former))
@@ -193,8 +195,19 @@ class RecedingHorizon:
         sound = [one for one in sound if one.feasible and self._footing.keeps(one.plan, start)]
         return min(sound, key=lambda candidate: candidate.rank, default=None)
 
-    def _task(self, start: Start) -> Task:
-        (weight, looks), cell = self._orders.next(start), self._mission.field.cell
+    def _in_one_go(self, start: Start, deadline: float | None) -> Candidate | None:
+        """Return a plan that brings all of many looks without going round again, if there is one."""
+        task = self._task(start, in_one_go=True)
+        if not takes_laps(task.looks):
+            return None
+        sound = [] if self._former is None else [as_before(task, self._former)]
+        if not any(one.complete for one in sound):
+            sound = self._engine.unhurried(task, deadline, thorough=not start.velocity.any())
+        sound = [one for one in sound if one.complete and self._footing.keeps(one.plan, start)]
+        return min(sound, key=lambda candidate: candidate.rank, default=None)
+
+    def _task(self, start: Start, *, in_one_go: bool = False) -> Task:
+        (weight, looks), cell = self._orders.next(start, in_one_go=in_one_go), self._mission.field.cell
         state = (start.position, start.velocity, start.time)
         return Task(self._mission.fleet, cell, weight * self._footing.measurable, *state, self._period, looks=looks)
 

@@ -162,7 +162,7 @@ def judge(window: Window, x: FloatArray) -> Refined:
     problem = CoverageProblem(window, Settings(softness_at(SHARPNESS[-1], length_scale(window))))
     position, _ = window.motion(x)
     cost = coverage_cost(position, window.cell, window.fleet.radius, window.weight, window.looks)
-    return Refined(x, cost, problem.measure(x).violation, ())
+    return Refined(x, cost, problem.violation(x), ())
 
 
 def better(new: Refined, old: Refined) -> bool:

@@ -9,6 +9,7 @@ from mpc_cover.planning.continuation import judge, refine
 from mpc_cover.planning.deadline import Effort, Meter
 from mpc_cover.planning.metered import metered
 from mpc_cover.planning.planner import Search, plan_for
+from mpc_cover.planning.unhurried import unhurried
 from mpc_cover.planning.whole import plan_shortest, plan_whole
 from solvers.backends.registry import UnknownBackendError, make_backend
 
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 _FLIGHT_SHARPNESS = 40.0
 """In flight the minimum is as good as hard: what is planned is nearly what is flown."""
+
+_SWEEPS, _FEW_SWEEPS = 18, 3
+"""Guesses that slow plans are made from at rest, and within a step."""
 
 
 class Engine:
@@ -49,6 +53,10 @@ class Engine:
     def quick(self, task: Task, deadline: float | None) -> Candidate:
         """Plan everything that is owed from a few starts, refined once if there is time."""
         return plan_whole(task, self._backend, attempts=1, search=Search(starts=3, finalists=1), deadline=deadline)
+
+    def unhurried(self, task: Task, deadline: float | None, *, thorough: bool) -> list[Candidate]:
+        """Return plans that bring all looks in one go, as slow as that takes: from all sweeps, or from a few."""
+        return unhurried(task, _SWEEPS if thorough else _FEW_SWEEPS, deadline)
 
     def fixed(
         self,
