@@ -8,6 +8,7 @@ import numpy as np
 
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.model.sensing import look_counts
+from mpc_cover.planning.unhurried import AT_ONCE, takes_laps
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
@@ -15,16 +16,8 @@ if TYPE_CHECKING:
     from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.field import Field
 
-_AT_ONCE, _BY_LAP = 3, 2
-"""Looks at a cell that one mission plan is to bring, if it is the last, and if others must follow anyhow.
-
-A pass brings about two. With four agents and K = 15 the planning takes twice as long for each look more.
-"""
-
-
-def takes_laps(looks: IntArray | None) -> bool:
-    """Return whether so many looks (J, K) are owed that plans which pass by as fast as they can need several laps."""
-    return looks is not None and int(looks.max(initial=0)) > _AT_ONCE
+_BY_LAP = 2
+"""Looks at a cell that one mission plan is to bring if others must follow anyhow: a pass brings about two."""
 
 
 class Orders:
@@ -56,7 +49,7 @@ class Orders:
         if owed.looks is None or in_one_go:
             self._later = None
             return weight, owed.looks
-        most = _AT_ONCE if owed.looks.max() <= _AT_ONCE else _BY_LAP
+        most = _BY_LAP if takes_laps(owed.looks) else AT_ONCE
         self._later = np.maximum(owed.looks - most, 0)
         return weight, np.minimum(owed.looks, most)
 

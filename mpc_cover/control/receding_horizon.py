@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from mpc_cover.control.footing import Footing
 from mpc_cover.control.ladder import Ladder, StepResult
-from mpc_cover.control.orders import Orders, takes_laps
+from mpc_cover.control.orders import Orders
 from mpc_cover.control.reunion import apart, reunions
 from mpc_cover.control.salvage import as_before
 from mpc_cover.control.second_thoughts import SecondThoughts, stays
@@ -24,6 +24,7 @@ from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.stretches import resampled
 from mpc_cover.planning.task import Task
+from mpc_cover.planning.unhurried import takes_laps
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -202,7 +203,7 @@ class RecedingHorizon:
             return None
         sound = [] if self._former is None else [as_before(task, self._former)]
         if not any(one.complete for one in sound):
-            sound = self._engine.unhurried(task, deadline, thorough=not start.velocity.any())
+            sound = self._engine.unhurried(task, part_of(deadline, 0.5), thorough=not start.velocity.any())
         sound = [one for one in sound if one.complete and self._footing.keeps(one.plan, start)]
         return min(sound, key=lambda candidate: candidate.rank, default=None)
 

@@ -9,7 +9,7 @@ from mpc_cover.planning.continuation import judge, refine
 from mpc_cover.planning.deadline import Effort, Meter
 from mpc_cover.planning.metered import metered
 from mpc_cover.planning.planner import Search, plan_for
-from mpc_cover.planning.unhurried import unhurried
+from mpc_cover.planning.unhurried import takes_laps, unhurried
 from mpc_cover.planning.whole import plan_shortest, plan_whole
 from solvers.backends.registry import UnknownBackendError, make_backend
 
@@ -76,14 +76,16 @@ class Engine:
         return plan_shortest(task, self._backend, search=search, deadline=deadline, told=told)
 
     def polish(self, window: Window, x: FloatArray, iterations: int, deadline: float | None) -> Refined:
-        """Improve a motion that is already good by a few QPs."""
+        """Improve a motion that is already good by a few QPs: of many looks, by one around fewer samples."""
+        many = takes_laps(window.looks)
         return refine(
             window,
             x,
             self._backend,
             sharpness=(_FLIGHT_SHARPNESS,),
-            iterations=iterations,
-            region=0.5,
+            iterations=1 if many else iterations,
+            region=0.25 if many else 0.5,
+            count=3 if many else 6,
             deadline=deadline,
         )
 

@@ -19,12 +19,22 @@ from mpc_cover.planning.guesses import Guess, sweep_guesses
 from mpc_cover.planning.task import as_flown
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
+    from collections.abc import Iterator
+
+    from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.planning.follow import Motion
     from mpc_cover.planning.task import Candidate, Task
 
 _ROUNDS = 4
 """How often the programme is asked again for what whole samples lack."""
+
+AT_ONCE = 3
+"""Looks at a cell that fast passes bring in one lap: with four agents planning takes twice as long for each more."""
+
+
+def takes_laps(looks: IntArray | None) -> bool:
+    """Return whether so many looks (J, K) are owed that plans which pass by as fast as they can need several laps."""
+    return looks is not None and int(looks.max(initial=0)) > AT_ONCE
 
 
 def unhurried(task: Task, most: int, deadline: float | None = None) -> list[Candidate]:
@@ -44,7 +54,7 @@ def unhurried(task: Task, most: int, deadline: float | None = None) -> list[Cand
     return found
 
 
-def _flown(task: Task, guess: Guess):
+def _flown(task: Task, guess: Guess) -> Iterator[Motion]:
     """Yield the motions of a guess, each timed for what the one before lacks."""
     assert task.looks is not None
     paths = [np.concatenate([here[None], path]) for here, path in zip(task.position, guess.paths, strict=True)]
