@@ -11,7 +11,8 @@ What all looks at once take is far less than passing again and again: lanes over
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -57,7 +58,7 @@ def pieces_of(path: FloatArray, longest: float) -> tuple[FloatArray, FloatArray]
     The points are the waypoints and evenly spaced ones between them; a piece reaches half-way to its neighbours.
     """
     parts = [path[:1]]
-    for here, there in zip(path[:-1], path[1:], strict=True):
+    for here, there in pairwise(path):
         count = max(1, int(np.ceil(np.linalg.norm(there - here) / longest)))
         parts.append(here + (there - here) * np.linspace(0.0, 1.0, count + 1)[1:, None])
     point = np.concatenate(parts)
@@ -84,13 +85,14 @@ def dwell(
     seen, asked = _seen([point for point, _ in cut], fleet, cell, looks)
     count = [len(point) for point, _ in cut]
     total = sum(count)
-    each = sp.block_diag([np.ones((1, size)) for size in count])
-    within = sp.hstack([each, np.full((len(count), 1), -1.0)])
+    each: Any = sp.block_diag([np.ones((1, size)) for size in count])
+    within = sp.hstack([each, sp.csr_array(np.full((len(count), 1), -1.0))])
     enough = sp.hstack([-seen, sp.csr_array((asked.size, 1))])
+    rows: Any = sp.vstack([enough, within], format="csr")  # HiGHS takes sparse rows, which its stubs do not know
     cost = np.append(np.full(total, _IDLE / total), 1.0)
     found = linprog(
         cost,
-        A_ub=sp.vstack([enough, within]).tocsr(),
+        A_ub=rows,
         b_ub=np.concatenate([-asked, np.zeros(len(count))]),
         bounds=[*((float(low), None) for low in np.concatenate(least)), (0.0, None)],
         method="highs",
@@ -101,9 +103,7 @@ def dwell(
     return Dwelling([point for point, _ in cut], [length for _, length in cut], samples)
 
 
-def _seen(
-    points: list[FloatArray], fleet: Fleet, cell: FloatArray, looks: FloatArray
-) -> tuple[sp.csr_array, FloatArray]:
+def _seen(points: list[FloatArray], fleet: Fleet, cell: FloatArray, looks: FloatArray) -> tuple[Any, FloatArray]:
     """Return which pieces (columns) look at which (magnitude, cell) that is owed and in range of any, and the looks."""
     blocks, asked = [], []
     for magnitude in range(looks.shape[0]):

@@ -94,7 +94,7 @@ def follow(
 def follow_samples(
     wanted: FloatArray, position: FloatArray, velocity: FloatArray, fleet: Fleet, period: float
 ) -> Motion:
-    """Be where `wanted` (N+1, m, d) [m] says at its samples, as nearly as the limits allow, and come to rest after them.
+    """Be where `wanted` (N+1, m, d) [m] says at its samples, as nearly as limits allow, and come to rest after them.
 
     Start as in `follow`. What is wanted is smoothed over a sample to either side.
     """

@@ -21,7 +21,7 @@ from mpc_cover.planning.task import as_flown
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.arrays import IntArray
     from mpc_cover.planning.follow import Motion
     from mpc_cover.planning.task import Candidate, Task
 
