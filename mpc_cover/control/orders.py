@@ -8,7 +8,7 @@ import numpy as np
 
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.unhurried import AT_ONCE, takes_laps
+from mpc_cover.planning.task import AT_ONCE, takes_laps
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray

@@ -23,8 +23,7 @@ from mpc_cover.information.build import make_map
 from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.stretches import resampled
-from mpc_cover.planning.task import Task
-from mpc_cover.planning.unhurried import takes_laps
+from mpc_cover.planning.task import Task, takes_laps
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

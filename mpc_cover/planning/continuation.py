@@ -101,8 +101,8 @@ def refine(
     """Lower J from the decision vector `x`, stage by stage; anytime: the best feasible motion is returned.
 
     `iterations` bounds the QPs of a stage; `margin` is the sensing margin times beta; soft minima are over `count`
-    samples; `fine` asks for accurate QPs in all stages, not only the last; `region` is the first trust radius in sensing
-    radii; `deadline` is on `time.perf_counter`; `exact_cones` needs a back-end that has them.
+    samples; `fine` asks for accurate QPs in all stages, not only the last; `region` is the first trust radius in
+    sensing radii; `deadline` is on `time.perf_counter`; `exact_cones` needs a back-end that has them.
     Stops early once everything is covered.
     """
     scale = length_scale(window)

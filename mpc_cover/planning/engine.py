@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 from mpc_cover.errors import UserError
 from mpc_cover.planning.continuation import judge, refine
-from mpc_cover.planning.deadline import Effort, Meter
+from mpc_cover.planning.deadline import Effort, Meter, part_of
 from mpc_cover.planning.metered import metered
 from mpc_cover.planning.planner import Search, plan_for
-from mpc_cover.planning.unhurried import takes_laps, unhurried
+from mpc_cover.planning.task import takes_laps
+from mpc_cover.planning.unhurried import mended, unhurried
 from mpc_cover.planning.whole import plan_shortest, plan_whole
 from solvers.backends.registry import UnknownBackendError, make_backend
 
@@ -26,6 +27,8 @@ _FLIGHT_SHARPNESS = 40.0
 
 _SWEEPS, _FEW_SWEEPS = 18, 3
 """Guesses that slow plans are made from at rest, and within a step."""
+_MENDED = 3
+"""If none is complete as it flies, so many are repaired at rest: that takes longer than all the others together."""
 
 
 class Engine:
@@ -56,7 +59,10 @@ class Engine:
 
     def unhurried(self, task: Task, deadline: float | None, *, thorough: bool) -> list[Candidate]:
         """Return plans that bring all looks in one go, as slow as that takes: from all sweeps, or from a few."""
-        return unhurried(task, _SWEEPS if thorough else _FEW_SWEEPS, deadline)
+        flown = unhurried(task, _SWEEPS if thorough else _FEW_SWEEPS, part_of(deadline, 0.5))
+        if any(candidate.complete for candidate in flown):
+            return flown
+        return [*flown, *mended(task, flown, self._backend, _MENDED if thorough else 1, deadline)]
 
     def fixed(
         self,

@@ -6,35 +6,34 @@ is asked for once more of the programme; what breaks separation or connectivity 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.model.sensing import look_counts
+from mpc_cover.planning.continuation import judge
 from mpc_cover.planning.deadline import late
 from mpc_cover.planning.dwelling import dwell, timed
 from mpc_cover.planning.follow import follow_samples
 from mpc_cover.planning.guesses import Guess, sweep_guesses
-from mpc_cover.planning.task import as_flown
+from mpc_cover.planning.stretches import improve
+from mpc_cover.planning.task import as_flown, candidate_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mpc_cover.arrays import IntArray
     from mpc_cover.planning.follow import Motion
     from mpc_cover.planning.task import Candidate, Task
+    from solvers.backends.base import Backend
 
+_STRETCH, _PASSES = 24, 4
+"""Samples of a stretch that is mended, and passes over a plan."""
+_KICK = 4.0
+"""By how much what a pass leaves over weighs more in the next."""
 _ROUNDS = 4
 """How often the programme is asked again for what whole samples lack."""
-
-AT_ONCE = 3
-"""Looks at a cell that fast passes bring in one lap: with four agents planning takes twice as long for each more."""
-
-
-def takes_laps(looks: IntArray | None) -> bool:
-    """Return whether so many looks (J, K) are owed that plans which pass by as fast as they can need several laps."""
-    return looks is not None and int(looks.max(initial=0)) > AT_ONCE
 
 
 def unhurried(task: Task, most: int, deadline: float | None = None) -> list[Candidate]:
@@ -43,7 +42,7 @@ def unhurried(task: Task, most: int, deadline: float | None = None) -> list[Cand
     For tasks of several looks from a given start to rest; one at the least, whatever the `deadline`.
     """
     found: list[Candidate] = []
-    guesses = sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period)
+    guesses = sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period, slow=True)
     for guess in islice(guesses, most):
         if found and late(deadline):
             break
@@ -52,6 +51,42 @@ def unhurried(task: Task, most: int, deadline: float | None = None) -> list[Cand
             if found[-1].cost == 0.0 or late(deadline):
                 break
     return found
+
+
+def mended(task: Task, flown: list[Candidate], backend: Backend, most: int, deadline: float | None) -> list[Candidate]:
+    """Return what becomes of the `most` promising of some plans when they are repaired and shortened by the SQP."""
+    found: list[Candidate] = []
+    for guess in sorted(flown, key=promise)[:most]:
+        if late(deadline):
+            break
+        found.append(_mended(task, guess, backend, deadline))
+    return found
+
+
+def _mended(task: Task, guess: Candidate, backend: Backend, deadline: float | None) -> Candidate:
+    """Go over a plan stretch by stretch; what a pass leaves over weighs more in the next."""
+    best, weight = guess, task.weight
+    position, velocity = guess.plan.position, guess.plan.velocity
+    for _ in range(_PASSES):
+        if late(deadline):
+            break
+        heavier = replace(task, weight=weight)
+        position, velocity = improve(
+            heavier, (position, velocity), backend, length=_STRETCH, passes=1, deadline=deadline
+        )
+        window = task.window(velocity.shape[0] - 1)
+        judged = judge(window, window.decision(position[0], velocity))
+        candidate = candidate_of(task, window.steps, judged, guess.kind)
+        best = min(best, candidate, key=lambda one: one.rank)
+        weight = np.where(task.owed_after(candidate.plan) > 0.0, _KICK * weight, weight)
+    return best
+
+
+def promise(candidate: Candidate) -> float:
+    """Order guesses as they fly: what they take, and what they would still have to repair [s]."""
+    plan = candidate.plan
+    violation = candidate.refined.violation if candidate.refined is not None else 0.0
+    return plan.steps * plan.period * (1.0 + 0.1 * violation) + candidate.cost
 
 
 def _flown(task: Task, guess: Guess) -> Iterator[Motion]:
