@@ -12,10 +12,11 @@ from mpc_cover.control.potential import Coordination, CoverageShape, coordinatio
 from mpc_cover.control.potential_agent import PotentialAgent
 from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw
 from mpc_cover.control.readiness import tightened
+from mpc_cover.control.relay import MOST_REPAIRS
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import sensor_of, settling_map
 from mpc_cover.information.visibility import Visibility
-from mpc_cover.mission.information import AgeingInformation
+from mpc_cover.mission.information import AgeingInformation, KalmanInformation
 from mpc_cover.mission.potential_rules import braking_samples
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 _LEAST_SILENCE = 6
 """Samples of silence after which a neighbour is lost, at the least."""
+_LONGEST_WORD, _READING = 1 << 20, 8
+"""Bytes of a word that are still listened to, and of a reading in it."""
 
 
 def law_parameters(mission: Mission) -> LawParameters:
@@ -92,9 +95,27 @@ def check_flyable(mission: Mission) -> Fleet:
             f"mission {mission.spec.name}: information.kind ageing: agents that fly by the potential law end once "
             "nothing is owed, which on a patrol never is: fly it by the receding horizon (--controller mpc)"
         )
+    _check_words(mission)
     fleet = tightened(mission)
     law_of(mission, fleet)
     return fleet
+
+
+def _check_words(mission: Mission) -> None:
+    """Refuse a Kalman mission whose words, each with the readings of many samples, would be too long to be sent."""
+    if not isinstance(mission.spec.information, KalmanInformation):
+        return
+    fleet, size = mission.fleet, mission.spec.area.cell_size_m
+    reach = float(fleet.radius[np.isfinite(fleet.radius)].max())
+    across = 2.0 * reach / size + 1.0
+    readings = min(mission.field.size, int(across**fleet.dimension)) * fleet.radius.shape[1]
+    most = _LONGEST_WORD // (_READING * (fleet.size + MOST_REPAIRS))
+    if readings > most:
+        raise UserError(
+            f"mission {mission.spec.name}: information.kind kalman: a look takes up to {readings} readings, and agents "
+            f"that fly by the potential law tell each other all of them: must be at most {most}: "
+            f"make area.cell_size_m (now {size:g}) greater"
+        )
 
 
 def make_agent(mission: Mission, index: int, seed: int) -> PotentialAgent[ResidualMap]:
