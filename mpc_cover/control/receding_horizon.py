@@ -39,6 +39,8 @@ _QPS = 2
 """QPs a step at the most: the rest of the budget is for what goes wrong."""
 _SHARE = 0.3
 """Part of the time for a step that polishing may take: a plan that is good already needs no more."""
+_REST = 0.05
+"""Part of the cells on which a plan that is to bring many looks in one go may leave some."""
 _LAST = 3
 """So few samples before its end a mission plan that leaves something owed gives way to the next."""
 
@@ -202,8 +204,11 @@ class RecedingHorizon:
             return None
         sound = [] if self._former is None else [as_before(task, self._former)]
         if not any(one.complete for one in sound):
-            sound = self._engine.unhurried(task, part_of(deadline, 0.5), thorough=not start.velocity.any())
-        sound = [one for one in sound if one.complete and self._footing.keeps(one.plan, start)]
+            thorough = not start.velocity.any()
+            effort_s = self._mission.spec.control.planning_time_s if thorough else self._period
+            sound = self._engine.unhurried(task, part_of(deadline, 0.5), effort_s, thorough=thorough)
+        sound = [one for one in sound if one.feasible and _brings_most(task, one)]
+        sound = [one for one in sound if self._footing.keeps(one.plan, start)]
         return min(sound, key=lambda candidate: candidate.rank, default=None)
 
     def _task(self, start: Start, *, in_one_go: bool = False) -> Task:
@@ -267,3 +272,8 @@ class RecedingHorizon:
         self._ladder.published = plan
         now = time.perf_counter()
         return StepResult(plan, rung, reason, now - begun, deadline is not None and now > deadline)
+
+
+def _brings_most(task: Task, candidate: Candidate) -> bool:
+    """Return whether a plan leaves so little that one more after it brings the rest."""
+    return candidate.complete or float((task.owed_after(candidate.plan) > 0.0).mean()) <= _REST

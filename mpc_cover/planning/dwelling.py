@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.fleet import Fleet
 
-_PIECE = 0.25
-"""Length of a piece in sensing radii."""
+_PIECE, _LONGEST, _PIECES = 0.25, 0.5, 1000
+"""Length of a piece in sensing radii: the first, but no more than so many pieces, but none longer than the second."""
 _PACE = 0.75
 """Part of the top speed that pieces are passed at, at the most: the rest is for speeding up and slowing down."""
 _INSIDE = 0.02
@@ -79,8 +79,10 @@ def dwell(
     path is left out.
     """
     radius = fleet.radius
-    finest = _PIECE * float(radius[np.isfinite(radius)].min())
-    cut = [pieces_of(path, finest) for path in paths]
+    scale = float(radius[np.isfinite(radius)].min())
+    way = sum(float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) for path in paths)
+    share = float(np.clip(way / (_PIECES * scale), _PIECE, _LONGEST))
+    cut = [pieces_of(path, share * scale) for path in paths]
     least = [length / (_PACE * fleet.speed_max[i] * period) for i, (_, length) in enumerate(cut)]
     seen, asked = _seen([point for point, _ in cut], fleet, cell, looks)
     count = [len(point) for point, _ in cut]

@@ -57,8 +57,13 @@ class Engine:
         """Plan everything that is owed from a few starts, refined once if there is time."""
         return plan_whole(task, self._backend, attempts=1, search=Search(starts=3, finalists=1), deadline=deadline)
 
-    def unhurried(self, task: Task, deadline: float | None, *, thorough: bool) -> list[Candidate]:
-        """Return plans that bring all looks in one go, as slow as that takes: from all sweeps, or from a few."""
+    def unhurried(self, task: Task, deadline: float | None, effort_s: float, *, thorough: bool) -> list[Candidate]:
+        """Return plans that bring all looks in one go, as slow as that takes: from all sweeps, or from a few.
+
+        Without a deadline repairs take so much effort [s] at the most.
+        """
+        if deadline is None:
+            deadline = Effort(self._meter, self._meter.spent_s + effort_s)
         flown = unhurried(task, _SWEEPS if thorough else _FEW_SWEEPS, part_of(deadline, 0.5))
         if any(candidate.complete for candidate in flown):
             return flown

@@ -14,9 +14,11 @@ from motions import PERIOD, grid
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.dwelling import dwell, pieces_of, timed
 from mpc_cover.planning.follow import follow_samples
-from mpc_cover.planning.task import Task, takes_laps
-from mpc_cover.planning.unhurried import unhurried
+from mpc_cover.planning.guesses import Guess
+from mpc_cover.planning.task import Task, as_flown, takes_laps
+from mpc_cover.planning.unhurried import _flown, mended, unhurried
 from mpc_cover.verification.motion import verify_motion
+from solvers.backends.registry import make_backend
 
 
 def at(*points):
@@ -147,3 +149,15 @@ def test_few_looks_take_no_laps():
     assert not takes_laps(None)
     assert not takes_laps(np.array([[3, 0, 1]]))
     assert takes_laps(np.array([[0, 4]]))
+
+
+def test_plans_that_break_the_separation_are_mended():
+    task = many_looks(looks=6)
+    crossing = [at([1.6, 2.0], [3.4, 2.0]), at([0.6, 2.0], [3.4, 2.1])]
+    motions = list(_flown(task, Guess("crossing", crossing)))
+    flown = [as_flown(task, Guess("crossing", crossing), motion) for motion in motions]
+    assert not any(candidate.feasible for candidate in flown)
+    best = mended(task, flown, make_backend("piqp"), 1, None)[0]
+    assert best.feasible
+    assert best.refined.violation < min(candidate.refined.violation for candidate in flown)
+    assert not mended(task, flown, make_backend("piqp"), 1, deadline=0.0)
