@@ -41,9 +41,10 @@ class Orders:
     def next(self, start: Start, *, in_one_go: bool = False) -> tuple[FloatArray, IntArray | None]:
         """Return weights and looks (J, K) that a new mission plan from here is to bring; looks None for one each.
 
-        `in_one_go` asks for all that are owed, however many.
+        `in_one_go` asks for all that are owed, however many, and begins no lap.
         """
-        self._coverage.begin_lap(start.time, start.position)
+        if not in_one_go:
+            self._coverage.begin_lap(start.time, start.position)
         owed = self._coverage.demand(start.time, start.position)
         weight = owed.gamma * self._field.weight
         if owed.looks is None or in_one_go:

@@ -27,6 +27,8 @@ _FLIGHT_SHARPNESS = 40.0
 
 _SWEEPS, _FEW_SWEEPS = 18, 3
 """Guesses that slow plans are made from at rest, and within a step."""
+_FLOWN = 0.8
+"""Part of the time for slow plans that flying them takes at the most; repairs have the rest."""
 _MENDED = 3
 """If none is complete as it flies, so many are repaired at rest: that takes longer than all the others together."""
 
@@ -64,7 +66,7 @@ class Engine:
         """
         if deadline is None:
             deadline = Effort(self._meter, self._meter.spent_s + effort_s)
-        flown = unhurried(task, _SWEEPS if thorough else _FEW_SWEEPS, part_of(deadline, 0.5))
+        flown = unhurried(task, _SWEEPS if thorough else _FEW_SWEEPS, part_of(deadline, _FLOWN))
         if any(candidate.complete for candidate in flown):
             return flown
         return [*flown, *mended(task, flown, self._backend, _MENDED if thorough else 1, deadline)]

@@ -78,3 +78,12 @@ def test_a_fleet_brings_many_looks_in_one_slow_sweep(kind):
     assert check_trajectory(flight.trajectory).holds
     # two looks a lap, as planned before, take four laps with a rest after each
     assert [step.kind for step in flight.steps].count("prepare") == 1
+
+
+def test_a_question_about_one_go_begins_no_lap_of_a_patrol():
+    mission = mission_with(KINDS["ageing"])
+    coverage = make_map(mission)
+    before = {name: array.copy() for name, array in coverage.state().items()}
+    Orders(coverage, mission.field).next(start_of(mission, 30.0), in_one_go=True)
+    for name, array in coverage.state().items():
+        np.testing.assert_array_equal(array, before[name])
