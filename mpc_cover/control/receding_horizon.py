@@ -204,8 +204,7 @@ class RecedingHorizon:
             return None
         sound = [] if self._former is None else [as_before(task, self._former)]
         if not any(one.complete for one in sound):
-            thorough = not start.velocity.any()
-            effort_s = self._mission.spec.control.planning_time_s if thorough else self._period
+            effort_s, thorough = self._mission.spec.control.planning_time_s, not start.velocity.any()
             sound = self._engine.unhurried(task, part_of(deadline, 0.5), effort_s, thorough=thorough)
         sound = [one for one in sound if one.feasible and _brings_most(task, one)]
         sound = [one for one in sound if self._footing.keeps(one.plan, start)]
