@@ -72,6 +72,8 @@ def simulate(
         "messages": flight.messages,
         "bytes": flight.bytes,
     }
+    if flight.estimate_errors:
+        extra["estimate_rms_errors"] = flight.estimate_errors
     summary = folder.write(flight.trajectory, every, extra)
     extra["folder"] = str(folder.path)
     return summary, extra, 0 if flight.complete and summary.holds else 1

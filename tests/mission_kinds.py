@@ -14,12 +14,12 @@ KINDS = {
 SEVERAL = ["looks", "effective", "kalman"]
 
 
-def mission_with(information, *, radius=1.0, edge=4.0, noise=0.0, looks=None, **control):
+def mission_with(information, *, radius=1.0, edge=4.0, noise=0.0, looks=None, cell_size=0.5, **control):
     """Return two agents in a square field; `information` as in a mission file, or None."""
     raw = {
         "schema": 1,
         "name": "kinds",
-        "area": {"shape": {"kind": "box", "min_m": [0, 0], "max_m": [edge, edge]}, "cell_size_m": 0.5},
+        "area": {"shape": {"kind": "box", "min_m": [0, 0], "max_m": [edge, edge]}, "cell_size_m": cell_size},
         "fleet": {
             "defaults": {"sensing_radius_m": radius, "input_max_m_per_s2": 1.5, "speed_max_m_per_s": 1.5},
             "agents": [{"id": "a1", "start_m": [1.0, 1.0]}, {"id": "a2", "start_m": [2.5, 1.0]}],

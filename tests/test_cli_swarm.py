@@ -7,7 +7,8 @@ import pytest
 import yaml
 from tiny_mission import TINY
 
-from mpc_cover.mission.load import shipped_missions
+from mpc_cover.control.potential_setup import check_flyable
+from mpc_cover.mission.load import load_mission, shipped_missions
 
 WIDE = {**TINY, "fleet": {**TINY["fleet"], "communication_range_m": 4.0}}
 
@@ -49,6 +50,9 @@ def test_simulate_without_a_controller(run):
         (["plan", "tiny.yaml", "--out", "/proc/plan.npz"], "--out /proc/plan.npz: cannot be written"),
         (["agent", "tiny.yaml", "--id", "zz", "--controller", "potential"], "its agents are a1, a2"),
         (["simulate", "near.yaml", "--controller", "potential"], "communication range 2 m: must be at least"),
+        (["simulate", "patrol", "--controller", "potential"], "information.kind ageing"),
+        (["demo", "patrol", "--controller", "potential"], "which on a patrol never is: fly it by the receding horizon"),
+        (["agent", "patrol", "--id", "a1", "--controller", "potential"], "information.kind ageing"),
     ],
 )
 def test_what_cannot_fly_is_refused_before_anything_is_written(refused, tmp_path, arguments, message):
@@ -130,6 +134,7 @@ def test_a_figure_of_the_thesis_and_its_seeds(run):
         (["laws", "tiny.yaml", "--backend", "x"], "--backend x: is none"),
         (["laws", "tiny.yaml", "--out", "tiny.yaml"], "--out tiny.yaml: cannot be made"),
         (["laws", "none.yaml"], "no such file"),
+        (["laws", "tiny.yaml", "patrol"], "information.kind ageing"),
     ],
 )
 def test_studies_that_cannot_be(refused, arguments, message):
@@ -151,6 +156,34 @@ def test_laws_side_by_side(run):
     assert len(Path("l/laws.csv").read_text().splitlines()) == 3
 
 
+def test_both_laws_fly_a_kalman_mission(run):
+    information = {"kind": "kalman", "noise_variance": 1.0, "prior_variance": 4.0, "target_variance": 0.5}
+    control = {"planning_time_s": 1.0}
+    Path("k.yaml").write_text(yaml.safe_dump({**WIDE, "information": information, "control": control}))
+    status, out, _ = run("study", "laws", "k.yaml", "--seeds", 1, "--jobs", 1, "--json")
+    assert status == 0
+    assert {each["law"]: each["covered_percent"] for each in json.loads(out)["runs"]} == {"mpc": 100, "potential": 100}
+    status, out, _ = run("simulate", "k.yaml", "--controller", "potential", "--json", "--out", "r")
+    assert status == 0
+    assert len(json.loads(out)["estimate_rms_errors"]) == 2
+    assert run("check", "r")[0] == 0
+
+
+FIGURES = {"fig-5-1", "fig-5-3", "fig-6-2", "fig-6-4"}
+
+
 def test_every_simulation_of_chapters_5_and_6_has_a_mission():
     here = {path.stem for path in shipped_missions() if path.parent.name == "thesis-potential"}
-    assert here == {"fig-5-1", "fig-5-3", "fig-6-2", "fig-6-4"}
+    assert here == FIGURES
+
+
+@pytest.mark.parametrize("name", sorted(FIGURES))
+def test_every_one_of_them_has_a_twin_that_differs_in_its_dynamics_only(name):
+    single, double = load_mission(name).spec, load_mission(f"{name}-double").spec
+    assert (single.fleet.dynamics, double.fleet.dynamics) == ("single", "double")
+    for section in ("area", "information", "potential", "looks"):
+        assert getattr(single, section) == getattr(double, section)
+    assert single.fleet.agents == double.fleet.agents
+    assert single.control.period_s == double.control.period_s
+    assert single.fleet.model_copy(update={"dynamics": "double", "defaults": double.fleet.defaults}) == double.fleet
+    check_flyable(load_mission(f"{name}-double"))

@@ -8,6 +8,7 @@ import numpy as np
 
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.model.sensing import look_counts
+from mpc_cover.planning.task import AT_ONCE, takes_laps
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
@@ -15,11 +16,8 @@ if TYPE_CHECKING:
     from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.field import Field
 
-_AT_ONCE, _BY_LAP = 3, 2
-"""Looks at a cell that one mission plan is to bring, if it is the last, and if others must follow anyhow.
-
-A pass brings about two. With four agents and K = 15 the planning takes twice as long for each look more.
-"""
+_BY_LAP = 2
+"""Looks at a cell that one mission plan is to bring if others must follow anyhow: a pass brings about two."""
 
 
 class Orders:
@@ -40,15 +38,19 @@ class Orders:
         """Whether looks are owed that the present mission plan was not asked for."""
         return self._later is not None and bool(self._later.any())
 
-    def next(self, start: Start) -> tuple[FloatArray, IntArray | None]:
-        """Return weights and looks (J, K) that a new mission plan from here is to bring; looks None for one each."""
-        self._coverage.begin_lap(start.time, start.position)
+    def next(self, start: Start, *, in_one_go: bool = False) -> tuple[FloatArray, IntArray | None]:
+        """Return weights and looks (J, K) that a new mission plan from here is to bring; looks None for one each.
+
+        `in_one_go` asks for all that are owed, however many, and begins no lap.
+        """
+        if not in_one_go:
+            self._coverage.begin_lap(start.time, start.position)
         owed = self._coverage.demand(start.time, start.position)
         weight = owed.gamma * self._field.weight
-        if owed.looks is None:
+        if owed.looks is None or in_one_go:
             self._later = None
-            return weight, None
-        most = _AT_ONCE if owed.looks.max() <= _AT_ONCE else _BY_LAP
+            return weight, owed.looks
+        most = _BY_LAP if takes_laps(owed.looks) else AT_ONCE
         self._later = np.maximum(owed.looks - most, 0)
         return weight, np.minimum(owed.looks, most)
 

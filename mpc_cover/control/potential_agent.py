@@ -50,6 +50,7 @@ class PotentialAgent(Generic[M]):
     index : which agent of the fleet this is.
     known : this agent's own map, still empty.
     sensing : which cells are in range of whom.
+    sensor : the same with this agent's own readings, where the map asks for them; left out, it does not.
     coordination : rho_B, R_B, rho_C, R_C.
     parameters : how to run.
     order : (K,) the fleet's common order of escapes.
@@ -80,13 +81,15 @@ class PotentialAgent(Generic[M]):
         order: IntArray,
         rng: np.random.Generator,
         double: bool = True,
+        sensor: Sensing | None = None,
     ) -> None:
         self._fleet, self._field, self._index, self._rng = fleet, field, index, rng
         self._parameters, self._coordination = parameters, coordination
         self._double = double
         self._able = (fleet.radius[index] > 0.0).astype(float)
         self._heard = HeardMap(known, fleet.size)
-        self._looks = LateLooks(known, sensing, parameters.delay)
+        self._sensor = sensor
+        self._looks = LateLooks(known, sensing, parameters.delay, reads=sensor is not None)
         self._escape = Escape(order, parameters.patience)
         self._hearing = Hearing(fleet, index, parameters.period_s, parameters.lost_after)
         self._relay = Relay(fleet.size)
@@ -162,23 +165,23 @@ class PotentialAgent(Generic[M]):
         `looked` is when [s] and where (d,) [m] the agent has looked around; left out, at this sample.
         """
         when, where = (time_s, position) if looked is None else looked
-        self._looks.take(self._index, when, where)
+        readings = None if self._sensor is None or where is None else self._read(self._sensor, when, where)
+        seen = Report(self._index, sample, time_s, position, velocity, looked=where, looked_s=when, readings=readings)
+        self._looks.take(seen)
         self._looks.catch_up(sample)
-        own = Report(
-            self._index,
-            sample,
-            time_s,
-            position,
-            velocity,
-            self._hearing.heard_before,
-            looked=where,
-            looked_s=when,
+        own = replace(
+            seen,
+            heard=self._hearing.heard_before,
             complete=not (self.known.residual > 0.0).any(),
         )
         self._heard.note(self._index, sample)
         self._relay.keep(own)
         self.newest[self._index] = own
         return own
+
+    def _read(self, sensor: Sensing, time_s: float, position: FloatArray) -> FloatArray | None:
+        """Return what the own sensor reads of all that is in range of a (d,) position [m] at a mission time [s]."""
+        return sensor.looks(time_s, position[None], np.array([self._index])).value
 
     def promise(self, own: Report, command: FloatArray) -> Report:
         """Return the state that an input (d,), as `decide` gives it, leads to; to be sent before it is applied."""

@@ -12,9 +12,11 @@ from mpc_cover.control.potential import Coordination, CoverageShape, coordinatio
 from mpc_cover.control.potential_agent import PotentialAgent
 from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw
 from mpc_cover.control.readiness import tightened
+from mpc_cover.control.relay import MOST_REPAIRS
 from mpc_cover.errors import UserError
-from mpc_cover.information.effective import k_coverage
+from mpc_cover.information.build import sensor_of, settling_map
 from mpc_cover.information.visibility import Visibility
+from mpc_cover.mission.information import AgeingInformation, KalmanInformation
 from mpc_cover.mission.potential_rules import braking_samples
 
 if TYPE_CHECKING:
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 _LEAST_SILENCE = 6
 """Samples of silence after which a neighbour is lost, at the least."""
+_LONGEST_WORD, _READING = 1 << 20, 8
+"""Bytes of a word that are still listened to, and of a reading in it."""
 
 
 def law_parameters(mission: Mission) -> LawParameters:
@@ -86,14 +90,32 @@ def check_flyable(mission: Mission) -> Fleet:
             f"mission {mission.spec.name}: disturbance.slow_agents: agents that do not know that they are slow "
             "cannot fly by the potential law: lower their speed_max_m_per_s instead"
         )
-    if mission.spec.looks_again and mission.spec.looks == 1:
+    if isinstance(mission.spec.information, AgeingInformation):
         raise UserError(
-            f"mission {mission.spec.name}: information.kind {mission.spec.information_kind}: agents that fly by the "
-            "potential law tell each other of looks only: use coverage or looks (`study thesis` flies kalman, too)"
+            f"mission {mission.spec.name}: information.kind ageing: agents that fly by the potential law end once "
+            "nothing is owed, which on a patrol never is: fly it by the receding horizon (--controller mpc)"
         )
+    _check_words(mission)
     fleet = tightened(mission)
     law_of(mission, fleet)
     return fleet
+
+
+def _check_words(mission: Mission) -> None:
+    """Refuse a Kalman mission whose words, each with the readings of many samples, would be too long to be sent."""
+    if not isinstance(mission.spec.information, KalmanInformation):
+        return
+    fleet, size = mission.fleet, mission.spec.area.cell_size_m
+    reach = float(fleet.radius[np.isfinite(fleet.radius)].max())
+    across = 2.0 * reach / size + 1.0
+    readings = min(mission.field.size, int(across**fleet.dimension)) * fleet.radius.shape[1]
+    most = _LONGEST_WORD // (_READING * (fleet.size + MOST_REPAIRS))
+    if readings > most:
+        raise UserError(
+            f"mission {mission.spec.name}: information.kind kalman: a look takes up to {readings} readings, and agents "
+            f"that fly by the potential law tell each other all of them: must be at most {most}: "
+            f"make area.cell_size_m (now {size:g}) greater"
+        )
 
 
 def make_agent(mission: Mission, index: int, seed: int) -> PotentialAgent[ResidualMap]:
@@ -108,6 +130,7 @@ def make_agent(mission: Mission, index: int, seed: int) -> PotentialAgent[Residu
     """
     fleet, field, given = check_flyable(mission), mission.field, mission.spec.potential
     sensing = Visibility(field, fleet.radius)
+    sensor = sensor_of(mission, sensing)
     period, delay = mission.spec.control.period_s, given.delay_samples
     held = 0 if delay == "hops" else delay
     silence = max(_LEAST_SILENCE, braking_samples(mission.spec) + 4)
@@ -122,11 +145,12 @@ def make_agent(mission: Mission, index: int, seed: int) -> PotentialAgent[Residu
         fleet,
         field,
         index,
-        k_coverage(sensing, mission.spec.looks),
+        settling_map(mission, sensing),
         sensing,
         coordination=coordination_for(mission, fleet),
         parameters=parameters,
         order=np.random.default_rng([seed, 4]).permutation(field.size),
         rng=np.random.default_rng([seed, 3, index]),
         double=mission.spec.fleet.dynamics == "double",
+        sensor=None if sensor is sensing else sensor,
     )

@@ -24,7 +24,7 @@ from mpc_cover.planning.continuation import EXPOSED
 from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.stretches import resampled
-from mpc_cover.planning.task import Task
+from mpc_cover.planning.task import Task, takes_laps
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -40,6 +40,8 @@ _QPS = 2
 """QPs a step at the most: the rest of the budget is for what goes wrong."""
 _SHARE = 0.3
 """Part of the time for a step that polishing may take: a plan that is good already needs no more."""
+_REST = 0.05
+"""Part of the cells on which a plan that is to bring many looks in one go may leave some."""
 _LAST = 3
 """So few samples before its end a mission plan that leaves something owed gives way to the next."""
 
@@ -197,6 +199,8 @@ class RecedingHorizon:
         self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]
     ) -> Candidate | None:
         """Return the better of what is left of the former plan and of a search, for which a step may be too short."""
+        if (slow := self._in_one_go(start, deadline)) is not None:
+            return slow
         task, sound = self._task(start), []
         if self._former is not None:
             sound.append(as_before(task, self._former))
@@ -205,8 +209,21 @@ class RecedingHorizon:
         sound = [one for one in sound if one.feasible and self._footing.keeps(one.plan, start)]
         return min(sound, key=lambda candidate: candidate.rank, default=None)
 
-    def _task(self, start: Start) -> Task:
-        (weight, looks), cell = self._orders.next(start), self._mission.field.cell
+    def _in_one_go(self, start: Start, deadline: float | None) -> Candidate | None:
+        """Return a plan that brings all of many looks without going round again, if there is one."""
+        task = self._task(start, in_one_go=True)
+        if not takes_laps(task.looks):
+            return None
+        sound = [] if self._former is None else [as_before(task, self._former)]
+        if not any(one.complete for one in sound):
+            effort_s, thorough = self._mission.spec.control.planning_time_s, not start.velocity.any()
+            sound = self._engine.unhurried(task, part_of(deadline, 0.5), effort_s, thorough=thorough)
+        sound = [one for one in sound if one.feasible and _brings_most(task, one)]
+        sound = [one for one in sound if self._footing.keeps(one.plan, start)]
+        return min(sound, key=lambda candidate: candidate.rank, default=None)
+
+    def _task(self, start: Start, *, in_one_go: bool = False) -> Task:
+        (weight, looks), cell = self._orders.next(start, in_one_go=in_one_go), self._mission.field.cell
         state = (start.position, start.velocity, start.time)
         return Task(self._mission.fleet, cell, weight * self._footing.measurable, *state, self._period, looks=looks)
 
@@ -276,3 +293,8 @@ class RecedingHorizon:
         self._ladder.published = plan
         now = time.perf_counter()
         return StepResult(plan, rung, reason, now - begun, deadline is not None and now > deadline)
+
+
+def _brings_most(task: Task, candidate: Candidate) -> bool:
+    """Return whether a plan leaves so little that one more after it brings the rest."""
+    return candidate.complete or float((task.owed_after(candidate.plan) > 0.0).mean()) <= _REST

@@ -25,6 +25,7 @@ class Report:
         sample ahead of time has not looked there yet.
     looked_s : when, mission time [s].
     complete : whether by its own map nothing is owed.
+    readings : (n,) what was read there of each (magnitude, cell) in range, in their order; None where maps need none.
     """
 
     agent: int
@@ -37,3 +38,4 @@ class Report:
     looked: FloatArray | None = None
     looked_s: float = 0.0
     complete: bool = False
+    readings: FloatArray | None = None

@@ -154,20 +154,27 @@ def _ranked(excess: FloatArray, count: int, looks: IntArray | None) -> tuple[Int
     """Return (R,) rows and (R, count) columns of `excess`: the nearest samples, dealt out to the looks of each row."""
     if looks is None or (looks == 1).all():
         return np.arange(excess.shape[0]), _smallest(excess, count)
-    rows, columns = [], []
-    for owed in np.unique(looks):
+    there, rows, columns = excess.shape[1], [], []
+    asked = np.unique(looks)
+    width = int(np.minimum(-(-there // asked), count).max())
+    for owed in asked.tolist():
         some = np.flatnonzero(looks == owed)
-        wanted = min(int(owed) * count, excess.shape[1])
-        near = _smallest(excess[some], wanted)
+        near = _smallest(excess[some], min(owed * count, there))
         order = np.argsort(np.take_along_axis(excess[some], near, axis=1), axis=1, kind="stable")
-        ranked = np.take_along_axis(near, order, axis=1)
-        for look in range(min(int(owed), excess.shape[1])):
-            rows.append(some)
-            columns.append(ranked[:, look :: int(owed)][:, :count])
-    width = max(part.shape[1] for part in columns)
-    # a look with fewer samples than others repeats its last: a minimum does not change by that
-    even = [np.pad(part, ((0, 0), (0, width - part.shape[1])), mode="edge") for part in columns]
-    return np.concatenate(rows), np.concatenate(even)
+        dealt = np.take_along_axis(near, order, axis=1)[:, _deal(owed, min(owed * count, there), width)]
+        rows.append(np.tile(some, dealt.shape[1]))
+        columns.append(np.swapaxes(dealt, 0, 1).reshape(-1, width))
+    return np.concatenate(rows), np.concatenate(columns)
+
+
+def _deal(owed: int, there: int, width: int) -> IntArray:
+    """Return (looks, width): which of `there` ranked samples each of the looks owed gets.
+
+    A look with fewer samples than others repeats its last: a minimum does not change by that.
+    """
+    look = np.arange(min(owed, there))[:, None]
+    most = (there - 1 - look) // owed
+    return np.asarray(look + owed * np.minimum(np.arange(width), most))
 
 
 def _taken(values: Array, row: IntArray, column: IntArray) -> Array:

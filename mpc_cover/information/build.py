@@ -20,7 +20,8 @@ from mpc_cover.mission.information import AgeingInformation, EffectiveInformatio
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.information.demand import FlownMap
-    from mpc_cover.information.looks import Looks
+    from mpc_cover.information.looks import Looks, Sensing
+    from mpc_cover.information.residual_map import ResidualMap
     from mpc_cover.mission.load import Mission
 
 
@@ -37,15 +38,27 @@ def make_map(mission: Mission, margin_m: float | None = None) -> FlownMap:
     if isinstance(given, AgeingInformation):
         return PatrolMap(sight, given.age_limit_s, given.growth_per_s)
     pace = PacedSensing(sight, mission.fleet.size, mission.spec.control.period_s)
+    sensor, graded = sensor_of(mission, pace), isinstance(given, EffectiveInformation | KalmanInformation)
+    return FlightMap(settling_map(mission, sensor), pace, sensor, graded=graded)
+
+
+def settling_map(mission: Mission, sensing: Sensing) -> ResidualMap:
+    """Return an empty map that looks settle for good: of any kind of mission but a patrol."""
+    given = mission.spec.information
     if isinstance(given, EffectiveInformation):
-        amount = Bump(given.peak, given.least)
-        return FlightMap(EffectiveCoverage(pace, given.level, amount), pace, pace, graded=True)
+        return EffectiveCoverage(sensing, given.level, Bump(given.peak, given.least))
     if isinstance(given, KalmanInformation):
-        reading = TimedReadings(pace, true_field(mission), given.noise_variance, given.field.seed)
         variances = {"variance": given.prior_variance, "noise": given.noise_variance}
-        inner = KalmanMap(reading, **variances, enough=given.target_variance, mean=given.prior_mean)
-        return FlightMap(inner, pace, reading, graded=True)
-    return FlightMap(k_coverage(pace, mission.spec.looks), pace, pace, graded=False)
+        return KalmanMap(sensing, **variances, enough=given.target_variance, mean=given.prior_mean)
+    return k_coverage(sensing, mission.spec.looks)
+
+
+def sensor_of(mission: Mission, sensing: Sensing) -> Sensing:
+    """Return the sensing with the readings that the mission's simulated sensors take, if its maps ask for them."""
+    given = mission.spec.information
+    if not isinstance(given, KalmanInformation):
+        return sensing
+    return TimedReadings(sensing, true_field(mission), given.noise_variance, given.field.seed)
 
 
 def true_field(mission: Mission) -> FloatArray:

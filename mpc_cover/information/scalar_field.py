@@ -59,7 +59,9 @@ class NoisySensing:
 
 @dataclass(frozen=True, eq=False)
 class TimedReadings:
-    """Readings z = x + v whose noise depends on when they are taken only: a successor would read the same.
+    """Readings z = x + v whose noise depends only on who takes them when: anybody who works them out reads the same.
+
+    They come in steps of a hundredth or so of the noise, as instruments' do: few digits tell them exactly.
 
     Attributes
     ----------
@@ -84,7 +86,11 @@ class TimedReadings:
         bare = self.sensing.looks(time_s, position, agent)
         if bare.count == 0:
             return bare
-        microseconds = int(max(0.0, float(bare.time_s.max())) * 1e6)
-        rng = np.random.default_rng([self.seed, microseconds, int(bare.agent[0])])
-        noise = np.sqrt(self.variance) * rng.standard_normal(bare.count)
-        return bare.with_value(self.truth.reshape(-1)[bare.place] + noise)
+        spread = float(np.sqrt(self.variance))
+        read = self.truth.reshape(-1)[bare.place]
+        for one in np.unique(bare.agent).tolist():
+            mine = np.flatnonzero(bare.agent == one)
+            microseconds = round(max(0.0, float(bare.time_s[mine[0]])) * 1e6)
+            rng = np.random.default_rng([self.seed, microseconds, one])
+            read[mine] += spread * rng.standard_normal(mine.size)
+        return bare.with_value(np.round(read, 2 - int(np.floor(np.log10(spread)))))

@@ -89,12 +89,12 @@ def merit(cost: float, exposure: float) -> float:
     return cost + _EXPOSURE_COST * max(exposure - EXPOSED, 0.0)
 
 
-def softness_at(sharpness: float, radius: float, margin: float = MARGIN) -> Softness:
-    """Return the soft minimum of a stage; `radius` [m] sets the length scale.
+def softness_at(sharpness: float, radius: float, margin: float = MARGIN, count: int = 6) -> Softness:
+    """Return the soft minimum of a stage, over `count` samples; `radius` [m] sets the length scale.
 
     The sensing margin, `margin` over beta, makes up for what the soft minimum lies below the hard one.
     """
-    return Softness(beta=sharpness / radius, margin=margin / sharpness * radius)
+    return Softness(beta=sharpness / radius, margin=margin / sharpness * radius, count=count)
 
 
 def length_scale(window: Window) -> float:
@@ -114,13 +114,14 @@ def refine(
     deadline: float | None = None,
     exact_cones: bool = False,
     margin: float = MARGIN,
+    count: int = 6,
     fine: bool = False,
 ) -> Refined:
     """Lower J from the decision vector `x`, stage by stage; anytime: the best feasible motion is returned.
 
-    `iterations` bounds the QPs of a stage; `margin` is the sensing margin times beta; `fine` asks for accurate QPs in
-    all stages, not only the last; `region` is the first trust radius in sensing radii; `deadline` is on
-    `time.perf_counter`; `exact_cones` needs a back-end that has them.
+    `iterations` bounds the QPs of a stage; `margin` is the sensing margin times beta; soft minima are over `count`
+    samples; `fine` asks for accurate QPs in all stages, not only the last; `region` is the first trust radius in
+    sensing radii; `deadline` is on `time.perf_counter`; `exact_cones` needs a back-end that has them.
     Stops early once everything is covered.
     """
     scale = length_scale(window)
@@ -137,7 +138,7 @@ def refine(
     for value in sharpness:
         if best.complete or late(deadline):
             break
-        softness = softness_at(value, scale, margin=margin)
+        softness = softness_at(value, scale, margin=margin, count=count)
         problem = CoverageProblem(window, Settings(softness, exact_cones=exact_cones))
         tolerance = _FINE[backend.name] if fine or value >= _SHARP else _LOOSE
         staged = replace(options, qp=QPOptions(tolerance=tolerance))
@@ -182,7 +183,7 @@ def judge(window: Window, x: FloatArray) -> Refined:
     position, velocity = window.motion(x)
     cost = coverage_cost(position, window.cell, window.fleet.radius, window.weight, window.looks)
     exposed = float(exposures(position, velocity, window.period, window.fleet).max(initial=0.0))
-    return Refined(x, cost, problem.measure(x).violation, (), exposed)
+    return Refined(x, cost, problem.violation(x), (), exposed)
 
 
 def better(new: Refined, old: Refined) -> bool:

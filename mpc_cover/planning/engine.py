@@ -14,6 +14,8 @@ from mpc_cover.planning.continuation import judge, refine
 from mpc_cover.planning.deadline import Effort, Meter, late, part_of
 from mpc_cover.planning.metered import metered
 from mpc_cover.planning.planner import Search, plan_for
+from mpc_cover.planning.task import takes_laps
+from mpc_cover.planning.unhurried import mended, unhurried
 from mpc_cover.planning.whole import plan_shortest, plan_whole
 from solvers.backends.registry import UnknownBackendError, make_backend
 
@@ -33,6 +35,13 @@ _WORTH = 0.3
 """Plans with room to stop may leave this part of what is owed over for the next."""
 _QUICK_PERIODS = 4.0
 """A plan in flight without a deadline may take so many periods' effort: more would be no picture of a real flight."""
+
+_SWEEPS, _FEW_SWEEPS = 18, 3
+"""Guesses that slow plans are made from at rest, and within a step."""
+_FLOWN = 0.8
+"""Part of the time for slow plans that flying them takes at the most; repairs have the rest."""
+_MENDED = 3
+"""If none is complete as it flies, so many are repaired at rest: that takes longer than all the others together."""
 
 
 class Engine:
@@ -64,6 +73,18 @@ class Engine:
         few = partial(plan_whole, backend=self._backend, attempts=1, search=Search(starts=3, finalists=1))
         return _with_room(few, task, deadline)
 
+    def unhurried(self, task: Task, deadline: float | None, effort_s: float, *, thorough: bool) -> list[Candidate]:
+        """Return plans that bring all looks in one go, as slow as that takes: from all sweeps, or from a few.
+
+        Without a deadline repairs take so much effort [s] at the most.
+        """
+        if deadline is None:
+            deadline = Effort(self._meter, self._meter.spent_s + effort_s)
+        flown = unhurried(task, _SWEEPS if thorough else _FEW_SWEEPS, part_of(deadline, _FLOWN))
+        if any(candidate.complete for candidate in flown):
+            return flown
+        return [*flown, *mended(task, flown, self._backend, _MENDED if thorough else 1, deadline)]
+
     def fixed(
         self,
         task: Task,
@@ -82,14 +103,16 @@ class Engine:
         return plan_shortest(task, self._backend, search=search, deadline=deadline, told=told)
 
     def polish(self, window: Window, x: FloatArray, iterations: int, deadline: float | None) -> Refined:
-        """Improve a motion that is already good by a few QPs."""
+        """Improve a motion that is already good by a few QPs: of many looks, by one around fewer samples."""
+        many = takes_laps(window.looks)
         return refine(
             window,
             x,
             self._backend,
             sharpness=(_FLIGHT_SHARPNESS,),
-            iterations=iterations,
-            region=0.5,
+            iterations=1 if many else iterations,
+            region=0.25 if many else 0.5,
+            count=3 if many else 6,
             deadline=deadline,
         )
 

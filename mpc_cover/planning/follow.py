@@ -17,6 +17,10 @@ _CRUISE = 0.97
 """Part of the speed and input limits that guesses use: room for the SQP."""
 
 
+_CATCH_UP = 0.5
+"""Part of the way to where one should be that is made up for in a sample."""
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """A sampled motion: positions [m] and velocities [m/s], (N+1, m, d)."""
@@ -85,6 +89,28 @@ def follow(
         vs.append(v)
     motion = Motion(np.array(qs), np.array(vs))
     return motion if steps is not None else _stop(motion, force, period)
+
+
+def follow_samples(
+    wanted: FloatArray, position: FloatArray, velocity: FloatArray, fleet: Fleet, period: float
+) -> Motion:
+    """Be where `wanted` (N+1, m, d) [m] says at its samples, as nearly as limits allow, and come to rest after them.
+
+    Start as in `follow`. What is wanted is smoothed over a sample to either side.
+    """
+    speed, force = _CRUISE * fleet.speed_max, _CRUISE * fleet.input_max
+    padded = np.concatenate([wanted[:1], wanted, wanted[-1:], wanted[-1:]])
+    smooth = 0.25 * (padded[:-3] + 2.0 * padded[1:-2] + padded[2:-1])
+    ahead = 0.5 * (padded[3:] - padded[1:-2]) / period  # velocities under which positions are the smooth ones
+    q, v = position.astype(float), velocity.astype(float)
+    qs, vs = [q], [v]
+    for here, then in zip(smooth, ahead, strict=True):
+        aim = _clipped(then + _CATCH_UP * (here - q) / period, speed)
+        u = _stay_inside(q, v, _clipped((aim - v) / period, force), fleet, force, period)
+        q, v = q + period * v + 0.5 * period**2 * u, v + period * u
+        qs.append(q)
+        vs.append(v)
+    return _stop(Motion(np.array(qs), np.array(vs)), force, period)
 
 
 def _arrived(index: IntArray, ends: IntArray, distance: FloatArray, v: FloatArray, fleet: Fleet, period: float) -> bool:

@@ -15,6 +15,7 @@ from mpc_cover.planning.lanes import (
     comb,
     cut_lanes,
     cut_snake,
+    slow_swath,
     snake,
     strips,
     swath_of,
@@ -38,13 +39,14 @@ class Guess:
 
 
 def sweep_guesses(
-    fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray, period: float
+    fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray, period: float, *, slow: bool = False
 ) -> Iterator[Guess]:
     """Yield sweeps of everything owed along each axis: strips of equal work, cut snakes, and combs.
 
     `cell` (K, d) [m]; `owed` (J, K) > 0 where something is left; `position` (m, d) [m]; `period` T_s [s].
+    `slow` sweeps are for many looks in one pass.
     """
-    teams = _teams(fleet, cell, owed, period)
+    teams = _teams(fleet, cell, owed, period, slow=slow)
     for axis in range(cell.shape[1]):
         yield _by_team(f"strips along axis {axis}", position, teams, partial(_strips, position=position, axis=axis))
     for axis in range(cell.shape[1]):
@@ -53,7 +55,7 @@ def sweep_guesses(
 
             def snakes(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
                 pieces = cut_snake(cut_lanes(team.left, team.swath, a), team.speed, mirrored=m, upward=u)
-                return take_pieces(pieces, position[team.agents], team.speed)
+                return take_pieces(pieces, position[team.agents], team.speed, one_way=slow)
 
             def combs(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
                 return comb(_even_lanes(team, a), position[team.agents], mirrored=m, upward=u)
@@ -109,7 +111,7 @@ def _by_team(kind: str, position: FloatArray, teams: list[Team], paths_of: Calla
     return Guess(kind, paths)
 
 
-def _teams(fleet: Fleet, cell: FloatArray, owed: FloatArray, period: float) -> list[Team]:
+def _teams(fleet: Fleet, cell: FloatArray, owed: FloatArray, period: float, *, slow: bool) -> list[Team]:
     able = np.isfinite(fleet.radius)
     teams = []
     for pattern in np.unique(able, axis=0):
@@ -118,7 +120,8 @@ def _teams(fleet: Fleet, cell: FloatArray, owed: FloatArray, period: float) -> l
         if len(left) and pattern.any():
             radius = float(fleet.radius[agents][:, pattern].min())
             speed = fleet.speed_max[agents]
-            teams.append(Team(agents, left, swath_of(radius, float(speed.max()), period), speed))
+            swath = slow_swath(radius) if slow else swath_of(radius, float(speed.max()), period)
+            teams.append(Team(agents, left, swath, speed))
     return teams
 
 

@@ -16,14 +16,27 @@ if TYPE_CHECKING:
 
 _INSET = 0.75
 """Lanes end this part of the radius before the last cell."""
+_SLOW_HALF, _SLOW_INSET = 0.72, 0.5
+"""The same, and half the width of lanes, where discs pass slowly: corners are in reach, and lanes overlap.
+
+Cells in between then get nearly as many looks as those on the lane itself; wider and narrower lanes took longer.
+"""
 
 
 @dataclass(frozen=True)
 class Swath:
-    """What a disc sweeps: `half_width` [m] to either side is measured between samples too; `radius` [m]."""
+    """What a disc sweeps.
+
+    Attributes
+    ----------
+    half_width : [m], so far to either side is measured, between samples too.
+    radius : [m].
+    inset : part of the radius by which lanes end before the last cell.
+    """
 
     half_width: float
     radius: float
+    inset: float = _INSET
 
 
 def swath_of(radius: float, speed: float, period: float) -> Swath:
@@ -34,6 +47,11 @@ def swath_of(radius: float, speed: float, period: float) -> Swath:
     """
     apart = min(0.5 * speed * period, 0.7 * radius)
     return Swath(float(np.sqrt(radius**2 - apart**2)), radius)
+
+
+def slow_swath(radius: float) -> Swath:
+    """Return the swath of a disc that passes so slowly that many looks are taken of everything in it."""
+    return Swath(_SLOW_HALF * radius, radius, _SLOW_INSET)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +93,7 @@ def _lane(cell: FloatArray, swath: Swath, axis: int, others: Sequence[int]) -> L
     for other in others:
         low[other] = high[other] = 0.5 * (cell[:, other].min() + cell[:, other].max())
     first, last = cell[:, axis].min(), cell[:, axis].max()
-    inset = min(_INSET * swath.radius, 0.5 * (last - first))
+    inset = min(swath.inset * swath.radius, 0.5 * (last - first))
     low[axis], high[axis] = first + inset, last - inset
     return Lane(low, high)
 
@@ -114,11 +132,18 @@ def cut_snake(lanes: Sequence[Lane], share: FloatArray, *, mirrored: bool, upwar
     return pieces
 
 
-def take_pieces(pieces: Sequence[FloatArray], start: FloatArray, speed: FloatArray) -> list[FloatArray]:
-    """Return for each of the (m, d) starts the piece it flies, in the better direction, so that all end early."""
+def take_pieces(
+    pieces: Sequence[FloatArray], start: FloatArray, speed: FloatArray, *, one_way: bool = False
+) -> list[FloatArray]:
+    """Return for each of the (m, d) starts the piece it flies, in the better direction, so that all end early.
+
+    `one_way` has all fly in the direction of the whole path: nobody is where two pieces meet at the same time.
+    """
     length = np.array([np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() for piece in pieces])
     ends = np.array([[piece[0], piece[-1]] for piece in pieces])
     way = np.linalg.norm(start[:, None, None] - ends[None], axis=3)
+    if one_way:
+        way = np.repeat(way[:, :, :1], 2, axis=2)
     match = assign_times((way.min(axis=2) + length) / speed[:, None])
     flown = []
     for agent, piece in enumerate(match):

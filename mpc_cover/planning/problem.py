@@ -41,10 +41,13 @@ class CoverageProblem:
             position, window.cell, window.fleet.radius, window.weight, self.settings.softness, window.looks
         )
         excess = self._excess(position, velocity)
-        worst = max(float(part.max(initial=0.0)) for part in excess)
         exposed = exposures(position, velocity, window.period, window.fleet)
         penalty = float(sum(part.sum() for part in (*excess, exposed)))
-        return Measure(objective=cost, violation=worst, penalty=penalty)
+        return Measure(objective=cost, violation=_worst(excess), penalty=penalty)
+
+    def violation(self, x: FloatArray) -> float:
+        """Return the worst violation alone, without the cost."""
+        return _worst(self._excess(*self.window.motion(x)))
 
     def convexify(self, x: FloatArray, radius: float) -> ConvexModel:
         """Return the QP around a decision vector; positions move by at most `radius` [m] along each axis."""
@@ -71,3 +74,7 @@ class CoverageProblem:
                 tree = fleet_trees(pairs.most, fleet)
                 over.append(np.where(tree, pairs.most - self.requirements.range, 0.0))
         return [np.maximum(part, 0.0) for part in over]
+
+
+def _worst(excess: list[FloatArray]) -> float:
+    return max(float(part.max(initial=0.0)) for part in excess)

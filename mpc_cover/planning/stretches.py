@@ -6,20 +6,22 @@ plan covers. Asked for the same in one sample less, it takes a sample off the wh
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mpc_cover.constraints.boundary import Ends
 from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.continuation import judge, refine
 from mpc_cover.planning.deadline import late
+from mpc_cover.planning.task import takes_laps
 from mpc_cover.planning.window import Window
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.planning.continuation import Refined
     from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
@@ -81,13 +83,13 @@ def _stretch(
     """
     position, velocity = motion
     owed = _left_by_others(task, position, begin, end)
-    steps = end - begin
+    steps, gentle = end - begin, _gentle(task)
     window = _window(task, motion, owed, begin, end, steps)
     now = judge(window, window.decision(position[begin], velocity[begin : end + 1]))
     for count in (steps - 1,) if now.complete else (steps, steps + 1):
         window = _window(task, motion, owed, begin, end, count)
         x = window.exact_ends(window.decision(position[begin], resampled(velocity[begin : end + 1], count)))
-        found = refine(window, x, backend, sharpness=_STAGES, iterations=_ITERATIONS, region=0.5)
+        found = refine(window, x, backend, sharpness=_STAGES, iterations=_ITERATIONS, **gentle)
         if _better(found, now, longer=count > steps):
             joined = np.concatenate([velocity[:begin], window.motion(found.x)[1], velocity[end + 1 :]])
             whole = task.window(joined.shape[0] - 1)
@@ -104,16 +106,29 @@ def _better(new: Refined, old: Refined, *, longer: bool) -> bool:
     return not longer and new.merit < old.merit
 
 
+def _gentle(task: Task) -> dict[str, Any]:
+    """Return how far a QP may move samples, and how many of them share a look: those of many looks are dense."""
+    return {"region": 0.25, "count": 3} if takes_laps(task.looks) else {"region": 0.5}
+
+
 def _window(
-    task: Task, motion: tuple[FloatArray, FloatArray], weight: FloatArray, begin: int, end: int, steps: int
+    task: Task,
+    motion: tuple[FloatArray, FloatArray],
+    owed: tuple[FloatArray, IntArray | None],
+    begin: int,
+    end: int,
+    steps: int,
 ) -> Window:
-    position, velocity = motion
+    (position, velocity), (weight, looks) = motion, owed
     last = end == velocity.shape[0] - 1
     ends = Ends(position[begin], velocity[begin], None if last else position[end], velocity[end])
-    return Window(task.fleet, task.cell, weight, steps, task.period, ends)
+    return Window(task.fleet, task.cell, weight, steps, task.period, ends, looks)
 
 
-def _left_by_others(task: Task, position: FloatArray, begin: int, end: int) -> FloatArray:
-    """Return the weights (J, K) of what only the samples inside a stretch cover, or nothing does."""
+def _left_by_others(task: Task, position: FloatArray, begin: int, end: int) -> tuple[FloatArray, IntArray | None]:
+    """Return weights and looks (J, K) of what only the samples inside a stretch bring, or nothing does."""
     others = np.concatenate([position[: begin + 1], position[end:]])
-    return still_owed(others, task.cell, task.fleet.radius, task.weight)
+    if task.looks is None:
+        return still_owed(others, task.cell, task.fleet.radius, task.weight), None
+    looks = np.maximum(task.looks - look_counts(others, task.cell, task.fleet.radius), 0)
+    return np.where(looks > 0, task.weight, 0.0), looks

@@ -23,6 +23,15 @@ if TYPE_CHECKING:
     from mpc_cover.planning.guesses import Guess
 
 
+AT_ONCE = 3
+"""Looks at a cell that fast passes bring in one lap: with four agents planning takes twice as long for each more."""
+
+
+def takes_laps(looks: IntArray | None) -> bool:
+    """Return whether so many looks (J, K) are owed that plans which pass by as fast as they can need several laps."""
+    return looks is not None and int(looks.max(initial=0)) > AT_ONCE
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """What is to be covered, and from where.

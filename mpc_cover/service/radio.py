@@ -54,6 +54,7 @@ class Note(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     looked: Vector | None = None
     looked_s: float = 0.0
     complete: bool = False
+    readings: Annotated[tuple[float, ...], msgspec.Meta(max_length=100_000)] = ()
 
 
 class Word(Message, frozen=True, kw_only=True):
@@ -103,6 +104,7 @@ class Codec:
             looked=None if report.looked is None else report.looked.tolist(),
             looked_s=report.looked_s,
             complete=report.complete,
+            readings=() if report.readings is None else tuple(report.readings.tolist()),
         )
 
     def report(self, note: Note) -> Report:
@@ -118,6 +120,7 @@ class Codec:
             None if note.looked is None else np.array(note.looked),
             note.looked_s,
             note.complete,
+            np.array(note.readings) if note.readings else None,
         )
 
     def hello(self, payload: bytes) -> Hello:
@@ -147,7 +150,7 @@ class Codec:
             raise RejectedError(Reason.WRONG_AGENT, f"{word.agent} speaks for {word.own.agent}")
         for note in (word.own, *word.news):
             vectors = (note.position, note.velocity, *(() if note.looked is None else (note.looked,)))
-            self._check((note.agent, *note.heard), vectors, (note.time_s, note.looked_s))
+            self._check((note.agent, *note.heard), vectors, (note.time_s, note.looked_s, *note.readings))
         return word
 
     def _check(self, names: Iterable[str], vectors: Iterable[list[float]], numbers: Iterable[float]) -> None:

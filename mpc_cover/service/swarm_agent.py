@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.control.potential_setup import check_flyable, make_agent
+from mpc_cover.information.build import true_field
+from mpc_cover.information.kalman import KalmanMap
 from mpc_cover.service import bus
 from mpc_cover.service.events import EventLog
 from mpc_cover.service.flight import SNAP_S, STANDSTILL
@@ -226,7 +228,7 @@ class SwarmAgent:
             self._give_up("time", f"gives up after {self._limit_s:g} s: {self._left()} cells are owed by its own map")
         elif own.complete and at_rest and self._lingers is None and all(map(self._knows, range(self._fleet.size))):
             self._lingers = sample + self._fleet.size + 2
-            self.events.tell("complete", "everything is covered, and everyone knows")
+            self.events.tell("complete", f"everything is covered, and everyone knows{self._how_well()}")
         elif self._lingers is not None and sample >= self._lingers:
             self.done, self.exit_status = True, 0
         if own.complete and self._lingers is None:
@@ -238,6 +240,18 @@ class SwarmAgent:
         last = self._brain.newest[agent]
         patience = self._fleet.size + self._brain.lost_after + _GONE_AFTER
         return last.complete or self._own.sample - last.sample > patience
+
+    @property
+    def estimate_error(self) -> float | None:
+        """By how much this agent's own estimate of the field is off, root mean square; None where none is asked for."""
+        known = self._brain.known
+        if not isinstance(known, KalmanMap):
+            return None
+        return float(np.sqrt(np.mean((known.estimate - true_field(self._mission)) ** 2)))
+
+    def _how_well(self) -> str:
+        error = self.estimate_error
+        return "" if error is None else f"; its own estimate of the field is off by {error:.3g} (RMS)"
 
     def _left(self) -> int:
         return int(self._brain.known.owed.any(axis=0).sum())

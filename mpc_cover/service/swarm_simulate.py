@@ -33,6 +33,7 @@ class SwarmFlight:
     complete : whether everyone left knows that everything is covered.
     decide_s : what each decision of each agent took [s], by id.
     messages, bytes : sent by all together in flight; each word counts once, however many hear it.
+    estimate_errors : root mean square by which each agent's own estimate of the field is off, by id; of Kalman maps.
     """
 
     trajectory: Trajectory
@@ -42,6 +43,7 @@ class SwarmFlight:
     decide_s: dict[str, list[float]]
     messages: int
     bytes: int
+    estimate_errors: dict[str, float]
 
     @property
     def outcome(self) -> str:
@@ -88,6 +90,9 @@ def fly_swarm(
         decide_s={life.agent.id: life.agent.decide_s for life in lives},
         messages=sum(life.agent.sent["messages"] for life in lives),
         bytes=sum(life.agent.sent["bytes"] for life in lives),
+        estimate_errors={
+            life.agent.id: error for life in lives if not life.dead and (error := life.agent.estimate_error) is not None
+        },
     )
 
 

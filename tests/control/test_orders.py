@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mission_kinds import mission_with
+from mission_kinds import KINDS, mission_with
 
 from mpc_cover.control.orders import Orders
+from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.control.stretch import Start
 from mpc_cover.information.build import make_map
 from mpc_cover.model.sensing import look_counts
+from mpc_cover.service.simulate import simulate
+from mpc_cover.verification.check import check_trajectory
 
 
 def start_of(mission, time=0.0):
@@ -53,3 +56,34 @@ def test_plain_coverage_has_no_looks():
     left, none = orders.left(start_of(mission), here, radius)
     assert none is None
     np.testing.assert_array_equal(left > 0.0, look_counts(here, mission.field.cell, radius) == 0)
+
+
+def test_all_looks_are_asked_for_in_one_go():
+    mission = mission_with({"kind": "looks", "looks": 15})
+    orders = Orders(make_map(mission), mission.field)
+    _, looks = orders.next(start_of(mission), in_one_go=True)
+    np.testing.assert_array_equal(looks, 15)
+    assert not orders.more
+
+
+@pytest.mark.parametrize("kind", [{"kind": "looks", "looks": 8}, {**KINDS["kalman"], "target_variance": 0.15}])
+def test_a_fleet_brings_many_looks_in_one_slow_sweep(kind):
+    mission = mission_with(kind, time_limit_s=120.0, planning_time_s=2.0)
+    brain = RecedingHorizon(mission)
+    start = start_of(mission)
+    result = brain.prepare(start.position, start.velocity, 0.0, deadline=None)
+    assert result.reason.startswith("slow ")
+    flight = simulate(mission)
+    assert flight.complete
+    assert check_trajectory(flight.trajectory).holds
+    # two looks a lap, as planned before, take four laps with a rest after each
+    assert [step.kind for step in flight.steps].count("prepare") == 1
+
+
+def test_a_question_about_one_go_begins_no_lap_of_a_patrol():
+    mission = mission_with(KINDS["ageing"])
+    coverage = make_map(mission)
+    before = {name: array.copy() for name, array in coverage.state().items()}
+    Orders(coverage, mission.field).next(start_of(mission, 30.0), in_one_go=True)
+    for name, array in coverage.state().items():
+        np.testing.assert_array_equal(array, before[name])

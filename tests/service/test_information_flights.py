@@ -67,7 +67,7 @@ def test_a_patrol_goes_on_until_its_time_is_over():
 
 
 def test_where_no_way_on_is_found_in_flight_it_is_planned_at_rest(monkeypatch):
-    """Laps too long to be planned in a control step: several looks, and a search in flight that finds nothing."""
+    """Laps too long to be planned in a control step: many looks, no slow sweep, and a search in flight in vain."""
     mission = mission_with({"kind": "looks", "looks": 8}, time_limit_s=120.0)
     brain = RecedingHorizon(mission)
     prepared = []
@@ -76,6 +76,7 @@ def test_where_no_way_on_is_found_in_flight_it_is_planned_at_rest(monkeypatch):
         still = rest_guess(task.position)
         return as_flown(task, still, task.flown(still, task.least_steps))
 
+    monkeypatch.setattr(brain._engine, "unhurried", lambda *_, **__: [])
     monkeypatch.setattr(brain._engine, "quick", nothing)
     whole = lambda task, deadline, effort_s: prepared.append(task) or one_lap(task)  # noqa: E731
     monkeypatch.setattr(brain._engine, "whole", whole)

@@ -27,6 +27,7 @@ reports = st.builds(
     looked=st.none() | vector,
     looked_s=number,
     complete=st.booleans(),
+    readings=st.none() | st.lists(number, min_size=1, max_size=5).map(np.array),
 )
 
 
@@ -47,6 +48,9 @@ def test_a_word_arrives_as_it_was_said(own, news):
         np.testing.assert_array_equal(after.position, before.position)
         np.testing.assert_array_equal(after.velocity, before.velocity)
         assert (after.looked is None) == (before.looked is None)
+        assert (after.readings is None) == (before.readings is None)
+        if before.readings is not None:
+            np.testing.assert_array_equal(after.readings, before.readings)
 
 
 @given(payload=st.binary(max_size=200) | st.text(max_size=100).map(str.encode))
@@ -73,6 +77,8 @@ GOOD = msgspec.json.decode(
         ({"own": {**GOOD["own"], "sample": -1}}, Reason.MALFORMED),
         ({"own": {**GOOD["own"], "time_s": "x"}}, Reason.MALFORMED),
         ({"news": [{**GOOD["own"], "looked": [0.0, 0.0, 0.0]}]}, Reason.SHAPE),
+        ({"news": [{**GOOD["own"], "readings": [1.0, None]}]}, Reason.MALFORMED),
+        ({"own": {**GOOD["own"], "readings": "1.0"}}, Reason.MALFORMED),
     ],
 )
 def test_reasons(change, reason):
@@ -82,9 +88,13 @@ def test_reasons(change, reason):
 
 
 def test_numbers_must_be_finite_and_payloads_of_a_size():
-    payload = msgspec.json.encode(GOOD).replace(b'"start_s":0.0', b'"start_s":1e999')
-    with pytest.raises(RejectedError):
-        CODEC.word(payload)
+    read = {**GOOD, "own": {**GOOD["own"], "readings": [0.125]}}
+    for payload in (
+        msgspec.json.encode(GOOD).replace(b'"start_s":0.0', b'"start_s":1e999'),
+        msgspec.json.encode(read).replace(b"0.125", b"1e999"),
+    ):
+        with pytest.raises(RejectedError):
+            CODEC.word(payload)
     with pytest.raises(RejectedError) as caught:
         CODEC.hello(b" " * (MAX_PAYLOAD + 1))
     assert caught.value.reason is Reason.OVERSIZE

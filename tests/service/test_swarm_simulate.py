@@ -6,6 +6,7 @@ import pytest
 from swarm_missions import swarm_mission
 
 from mpc_cover.errors import UserError
+from mpc_cover.information.build import true_field
 from mpc_cover.information.delay import adjacency
 from mpc_cover.mission.load import load_mission
 from mpc_cover.service.radio import Codec
@@ -14,6 +15,8 @@ from mpc_cover.trajectory import save_trajectory
 from mpc_cover.verification.check import check_trajectory
 
 WIND = {"position_noise_m": 0.02, "input_noise_m_per_s2": 0.05, "wind_m_per_s2": [0.03, 0.0]}
+
+KALMAN = {"kind": "kalman", "noise_variance": 1.0, "prior_variance": 4.0, "target_variance": 0.25}
 
 
 def holds(flight):
@@ -32,8 +35,15 @@ def holds(flight):
         {"potential": {"spare_edges": False, "gain_m2_per_s": 2.0}},
         {"fleet": {"links": [["a1", "a2"]]}},
         {"disturbance": WIND},
+        {"information": KALMAN},
+        {"information": KALMAN, "fleet": {"dynamics": "single"}, "potential": {"delay_samples": 4}},
+        {"information": KALMAN, "disturbance": WIND},
+        {"information": {"kind": "effective", "level": 1.5, "rim": 0.3}},
     ],
-    ids=["plain", "single", "three looks", "delayed", "tree only", "link", "windy"],
+    ids=[
+        *("plain", "single", "three looks", "delayed", "tree only", "link", "windy"),
+        *("kalman", "kalman single delayed", "kalman windy", "effective"),
+    ],
 )
 def test_all_is_covered_and_verified(sections):
     mission = swarm_mission(**sections)
@@ -45,7 +55,24 @@ def test_all_is_covered_and_verified(sections):
         apart = np.linalg.norm(flight.trajectory.position[:, 0] - flight.trajectory.position[:, 1], axis=1)
         assert apart.max() <= 3.5
     if "windy" not in str(sections):
-        assert sum(text.endswith("and everyone knows") for text in flight.events) == 3
+        assert sum("and everyone knows" in text for text in flight.events) == 3
+
+
+def test_everyone_ends_with_an_estimate_of_the_field_that_those_who_only_guess_do_not_have():
+    mission = swarm_mission(information=KALMAN)
+    flight, truth = fly_swarm(mission, seed=1), true_field(mission)
+    assert set(flight.estimate_errors) == {"a1", "a2", "a3"}
+    # variances are 0.25 at the most, and their roots what errors come to
+    assert max(flight.estimate_errors.values()) < 0.5 < np.sqrt((truth**2).mean())
+    assert any("its own estimate of the field is off by" in text for text in flight.events)
+    assert not fly_swarm(swarm_mission(), seed=1).estimate_errors
+
+
+def test_readings_are_in_words_and_take_few_bytes():
+    plain = fly_swarm(swarm_mission(area={"looks": 4}), seed=1)
+    read = fly_swarm(swarm_mission(information=KALMAN), seed=1)
+    assert read.bytes / read.messages > plain.bytes / plain.messages
+    assert read.bytes / read.messages < 2.0 * plain.bytes / plain.messages
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_another(tmp_path):
