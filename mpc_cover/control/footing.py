@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.control.courses import Course
     from mpc_cover.control.stretch import Start
-    from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
 
@@ -119,8 +118,18 @@ class Footing:
 
         `before` is the state a period earlier: who stopped then is not known of yet.
         """
-        new, old = (_exposure(one, before, self.bounds.planned) for one in (plan, known))
-        return new <= max(EXPOSED, old)
+        return self.exposure(plan, before) <= max(EXPOSED, self.exposure(known, before))
+
+    def exposure(self, plan: Plan, before: tuple[FloatArray, FloatArray] | None = None) -> float:
+        """Return by how much [m] someone comes too near to one who stops without warning, or that one leaves the box.
+
+        `before` is as above.
+        """
+        position, velocity = plan.position, plan.velocity
+        if before is not None:
+            pairs = zip(before, (position, velocity), strict=True)
+            position, velocity = (np.concatenate([first[None], later]) for first, later in pairs)
+        return float(exposures(position, velocity, plan.period, self.bounds.planned).max(initial=0.0))
 
     def _change(self) -> bool:
         self.fleet = without(slowed(self._tight, self._share), self._lost)
@@ -144,12 +153,3 @@ def _reaction(mission: Mission) -> float:
     control = mission.spec.control
     unheard_s = control.state_period_s + mission.spec.disturbance.delay_s
     return 2.0 + unheard_s / control.period_s if mission.fleet.size > 1 else 0.0
-
-
-def _exposure(plan: Plan, before: tuple[FloatArray, FloatArray] | None, fleet: Fleet) -> float:
-    motion = plan.position, plan.velocity
-    if before is not None:
-        position, velocity = (np.concatenate([a[None], b]) for a, b in zip(before, motion, strict=True))
-    else:
-        position, velocity = motion
-    return float(exposures(position, velocity, plan.period, fleet).max(initial=0.0))

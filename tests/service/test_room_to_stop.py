@@ -1,0 +1,76 @@
+"""Agents die in flight: nobody runs into them before it is known, and they die when they are told to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tiny_mission import TINY
+
+from mpc_cover.control.receding_horizon import RecedingHorizon
+from mpc_cover.mission.load import build_mission, load_mission
+from mpc_cover.planning.continuation import EXPOSED
+from mpc_cover.planning.engine import Engine
+from mpc_cover.planning.task import Task
+from mpc_cover.service.simulate import simulate
+from mpc_cover.verification.check import check_trajectory
+
+CROWD = {
+    "schema": 1,
+    "name": "crowd",
+    "area": {
+        "shape": {
+            "kind": "polygon",
+            "outline_m": [[0.0, 0.0], [5.6, 0.0], [5.6, 5.6], [0.0, 5.6]],
+            "holes_m": [[[1.9, 1.9], [3.86, 1.9], [3.86, 3.58], [1.9, 3.58]]],
+        },
+        "cell_size_m": 0.75,
+    },
+    "fleet": {
+        "defaults": {"sensing_radius_m": 0.74, "input_max_m_per_s2": 1.59, "speed_max_m_per_s": 1.54},
+        "agents": [
+            {"id": "a1", "start_m": [3.53, 0.15], "sensing_radius_m": 1.13},
+            {"id": "a2", "start_m": [2.53, 0.21], "speed_max_m_per_s": 1.98},
+            {"id": "a3", "start_m": [3.69, 0.7], "input_max_m_per_s2": 1.27},
+            {"id": "a4", "start_m": [4.53, 1.23], "input_max_m_per_s2": 1.1, "sensing_radius_m": 1.02},
+            {"id": "a5", "start_m": [4.22, 2.16], "speed_max_m_per_s": 1.97, "input_max_m_per_s2": 0.77},
+            {"id": "a6", "start_m": [2.8, 1.49]},
+        ],
+        "separation_min_m": 0.5,
+        "communication_range_m": 1.46,
+    },
+    "control": {"period_s": 1.0, "horizon_steps": 12, "planning_time_s": 2.0},
+    "disturbance": {"input_noise_m_per_s2": 0.056, "wind_m_per_s2": [-0.001, -0.009]},
+}
+
+
+@pytest.mark.parametrize("death_s", [3.82, 5.3])
+def test_a_crowd_runs_into_nobody_who_dies(death_s):
+    """Six in a narrow ring, a second a period: plans without room for it came within 0.3 m of the dead."""
+    flown = simulate(build_mission(CROWD, "crowd"), seed=3014, deaths={"a2": death_s})
+    assert flown.complete
+    assert not check_trajectory(flown.trajectory).failures
+
+
+def test_plans_of_a_flight_leave_room_to_stop_and_those_without_do_not():
+    mission = load_mission("heterogeneous")
+    brain = RecedingHorizon(mission)
+    still = np.zeros_like(mission.fleet.start)
+    brain.prepare(mission.fleet.start, still, 0.0, deadline=None)
+    plan, footing = brain._whole, brain._footing
+    assert plan is not None
+    assert footing.exposure(plan) <= EXPOSED
+    cells = np.ones((mission.fleet.radius.shape[1], mission.field.size))
+    task = Task(mission.fleet, mission.field.cell, cells, mission.fleet.start, still, 0.0, plan.period)
+    assert footing.exposure(Engine("piqp").whole(task, None, 2.0).plan) > EXPOSED
+
+
+@pytest.mark.parametrize("death_s", [1.5, 1.83])
+def test_who_is_told_to_die_brakes_from_its_last_report_before_that(death_s):
+    flown = simulate(build_mission(TINY, "tiny"), deaths={"a2": death_s}).trajectory
+    braking = np.flatnonzero(np.linalg.norm(flown.input[:, 1], axis=1) > 0.0)[-1]
+    begun = flown.time[braking]
+    while braking and flown.input[braking - 1, 1] == pytest.approx(flown.input[braking, 1]):
+        braking -= 1
+        begun = flown.time[braking]
+    period_s = flown.mission.spec.control.state_period_s
+    assert death_s - period_s - 1e-6 <= begun < death_s
