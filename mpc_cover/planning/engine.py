@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 _FLIGHT_SHARPNESS = 40.0
 """In flight the minimum is as good as hard: what is planned is nearly what is flown."""
-_ROOMY = 0.6
-"""Part of the time for plans with room to stop; the rest is for those without, should it come to that."""
+_ROOMY, _CROWDED = 0.8, 0.5
+"""Parts of the time for plans with room to stop; the rest is for those without: more where that was needed before."""
 _WORTH = 0.3
 """Plans with room to stop may leave this part of what is owed over for the next."""
 _QUICK_PERIODS = 4.0
@@ -55,6 +55,7 @@ class Engine:
 
     def __init__(self, backend: str) -> None:
         self._meter = Meter()
+        self._crowded = False
         try:
             self._backend = metered(make_backend(backend), self._meter)
         except UnknownBackendError as error:
@@ -64,14 +65,14 @@ class Engine:
         """Plan everything that is owed, thoroughly; without a deadline with so much effort [s] at the most."""
         if deadline is None and effort_s is not None:
             deadline = Effort(self._meter, self._meter.spent_s + effort_s)
-        return _with_room(partial(plan_whole, backend=self._backend), task, deadline)
+        return self._with_room(partial(plan_whole, backend=self._backend), task, deadline)
 
     def quick(self, task: Task, deadline: float | None) -> Candidate:
         """Plan everything that is owed from a few starts, refined once if there is time; work is bounded, too."""
         if deadline is None:
             deadline = Effort(self._meter, self._meter.spent_s + _QUICK_PERIODS * task.period)
         few = partial(plan_whole, backend=self._backend, attempts=1, search=Search(starts=3, finalists=1))
-        return _with_room(few, task, deadline)
+        return self._with_room(few, task, deadline)
 
     def unhurried(self, task: Task, deadline: float | None, effort_s: float, *, thorough: bool) -> list[Candidate]:
         """Return plans that bring all looks in one go, as slow as that takes: from all sweeps, or from a few.
@@ -120,17 +121,16 @@ class Engine:
         """Return what a motion is worth as it stands."""
         return judge(window, x)
 
-
-def _with_room(plan: Callable[..., Candidate], task: Task, deadline: float | None) -> Candidate:
-    """Plan with room to stop; where that leaves too much over, without, too: a crowd would hardly move."""
-    if task.fleet.reaction == 0.0:
-        return plan(task, deadline=deadline)
-    roomy = plan(task, deadline=part_of(deadline, _ROOMY))
-    if roomy.feasible and np.count_nonzero(task.owed_after(roomy.plan)) <= _WORTH * np.count_nonzero(task.weight):
-        return roomy
-    if late(deadline):
-        return roomy
-    dense = plan(replace(task, fleet=replace(task.fleet, reaction=0.0)), deadline=deadline)
-    flown = dense.plan
-    exposed = exposures(flown.position, flown.velocity, flown.period, task.fleet).max(initial=0.0)
-    return min(roomy, replace(dense, exposure=float(exposed)), key=lambda candidate: candidate.rank)
+    def _with_room(self, plan: Callable[..., Candidate], task: Task, deadline: float | None) -> Candidate:
+        """Plan with room to stop; where that leaves too much over, without, too: a crowd would hardly move."""
+        if task.fleet.reaction == 0.0:
+            return plan(task, deadline=deadline)
+        roomy = plan(task, deadline=part_of(deadline, _CROWDED if self._crowded else _ROOMY))
+        left, owed = np.count_nonzero(task.owed_after(roomy.plan)), np.count_nonzero(task.weight)
+        self._crowded = not roomy.feasible or bool(left > _WORTH * owed)
+        if not self._crowded or late(deadline):
+            return roomy
+        dense = plan(replace(task, fleet=replace(task.fleet, reaction=0.0)), deadline=deadline)
+        flown = dense.plan
+        exposed = exposures(flown.position, flown.velocity, flown.period, task.fleet).max(initial=0.0)
+        return min(roomy, replace(dense, exposure=float(exposed)), key=lambda candidate: candidate.rank)
