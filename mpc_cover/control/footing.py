@@ -23,11 +23,14 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.control.courses import Course
     from mpc_cover.control.stretch import Start
+    from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
 
 _NOTICED = 2
 """Periods for which someone may fly on along the last plan when a message is lost: its reports tell within one."""
+_LEAST_RANGE = 0.75
+"""This part of the range is used at the least, however slow someone may be: the rest is better than nothing."""
 
 
 class Footing:
@@ -35,7 +38,7 @@ class Footing:
 
     Attributes
     ----------
-    fleet : tightened by the tube, without the lost, as fast as it really is.
+    fleet : tightened by the tube and for whoever may be slow, without the lost, as fast as it really is.
     bounds : those that plans are held to; see `easing`.
     courses : how the lost who still move come to rest, by number.
     measurable : (J, K), what those who are left can measure.
@@ -46,7 +49,7 @@ class Footing:
         self._lost = np.zeros(mission.fleet.size, dtype=bool)
         self._share = np.ones(mission.fleet.size)
         self._changed = False
-        self.fleet = self._tight
+        self.fleet = self._wary(self._tight)
         self.bounds = strict(self.fleet)
         self.courses: Mapping[int, Course] = {}
         self.measurable: BoolArray = np.ones((mission.fleet.radius.shape[1], mission.field.size), dtype=bool)
@@ -132,10 +135,20 @@ class Footing:
         return float(exposures(position, velocity, plan.period, self.bounds.planned).max(initial=0.0))
 
     def _change(self) -> bool:
-        self.fleet = without(slowed(self._tight, self._share), self._lost)
+        self.fleet = without(slowed(self._wary(self._tight), self._share), self._lost)
         self.bounds = strict(self.fleet)
         self._changed = True
         return True
+
+    def _wary(self, fleet: Fleet) -> Fleet:
+        """Return the fleet with range to spare for those who may yet turn out to be slow: they fall behind at first."""
+        stated = [share for share in self._given.spec.disturbance.slow_agents.values() if share < 1.0]
+        if len(stated) <= np.count_nonzero(self._share < 1.0):
+            return fleet
+        behind = (1.0 - min(stated)) * float(fleet.speed_max.max())
+        unseen_s = fleet.reaction * self._given.spec.control.period_s
+        reach = fleet.communication_range
+        return replace(fleet, communication_range=max(reach - behind * unseen_s, _LEAST_RANGE * reach))
 
     def _truly(self, start: Start) -> tuple[FloatArray, FloatArray]:
         """Return the state (m, d) with the lost where they still are."""
