@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 from mpc_cover.control.footing import Footing
 from mpc_cover.control.ladder import Ladder, StepResult
 from mpc_cover.control.orders import Orders
+from mpc_cover.control.prospects import Prospects
 from mpc_cover.control.reunion import apart, reunions
-from mpc_cover.control.salvage import as_before
 from mpc_cover.control.second_thoughts import SecondThoughts, stays
 from mpc_cover.control.stretch import Start, spliced, stretch_steps, stretch_window
 from mpc_cover.information.build import make_map
@@ -24,7 +24,6 @@ from mpc_cover.planning.continuation import EXPOSED
 from mpc_cover.planning.deadline import part_of
 from mpc_cover.planning.engine import Engine
 from mpc_cover.planning.stretches import resampled
-from mpc_cover.planning.task import Task, takes_laps
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -34,14 +33,12 @@ if TYPE_CHECKING:
     from mpc_cover.control.fallback import Rung
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.plan import Plan
-    from mpc_cover.planning.task import Candidate
+    from mpc_cover.planning.task import Candidate, Task
 
 _QPS = 2
 """QPs a step at the most: the rest of the budget is for what goes wrong."""
 _SHARE = 0.3
 """Part of the time for a step that polishing may take: a plan that is good already needs no more."""
-_REST = 0.05
-"""Part of the cells on which a plan that is to bring many looks in one go may leave some."""
 _LAST = 3
 """So few samples before its end a mission plan that leaves something owed gives way to the next."""
 
@@ -70,9 +67,9 @@ class RecedingHorizon:
         self._orders = Orders(self.coverage, mission.field)
         self._thoughts = SecondThoughts(mission.spec.control.planning_time_s)
         self._whole: Plan | None = None
-        self._former: Plan | None = None
         self._reunites = False
         self._ladder = Ladder(self._footing)
+        self._prospects = Prospects(mission, self._footing, self._orders)
 
     @property
     def wants_thought(self) -> bool:
@@ -115,7 +112,7 @@ class RecedingHorizon:
             return self._result(begun, deadline, *self._ladder.stop(start, self._why_stop))
         known, self._whole = self._whole, self._rest_of_whole(start)
         if self._whole is None and known is not None and not self._reunites and start.time < known.end_time:
-            self._former = known
+            self._prospects.former = known
         if self._whole is None or self._reunites or self._runs_out(self._whole, start):
             reason = self._replan(start, deadline, self._engine.quick)
             self._notice_loss(start, deadline)
@@ -142,7 +139,7 @@ class RecedingHorizon:
 
     def _start_over(self) -> None:
         self._mission = self._footing.mission
-        self._former, self._whole = self._whole or self._former, None
+        self._prospects.former, self._whole = self._whole or self._prospects.former, None
 
     def _begin(self, position: FloatArray, velocity: FloatArray, start_time: float) -> Start:
         start = Start(position, velocity, start_time)
@@ -177,14 +174,14 @@ class RecedingHorizon:
         self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]
     ) -> str | None:
         """Take the best plan that is found for what is owed, and return of what kind it is; None if none is."""
-        if (best := self._best_found(start, deadline, search)) is None:
+        if (best := self._prospects.best(start, deadline, search, self._engine)) is None:
             return None
         idle = best.kind == "rest" and best.cost > 0.0
         if idle and self._whole is not None and not self._reunites:
             return "no way on was found yet"
-        in_a_hurry = idle and deadline is not None and self._former is not None
+        in_a_hurry = idle and deadline is not None and self._prospects.former is not None
         self._thoughts.wanted = in_a_hurry or self._is_poor(best, start)
-        self._whole, self._reunites, self._former = best.plan, False, None
+        self._whole, self._reunites, self._prospects.former = best.plan, False, None
         return best.kind
 
     def _is_poor(self, best: Candidate, start: Start) -> bool:
@@ -194,38 +191,6 @@ class RecedingHorizon:
         owed, _ = self._left_by(start.position[None], start)
         left, _ = self._left_by(best.plan.position, start)
         return self._thoughts.is_poor(left, owed)
-
-    def _best_found(
-        self, start: Start, deadline: float | None, search: Callable[[Task, float | None], Candidate]
-    ) -> Candidate | None:
-        """Return the better of what is left of the former plan and of a search, for which a step may be too short."""
-        if (slow := self._in_one_go(start, deadline)) is not None:
-            return slow
-        task, sound = self._task(start), []
-        if self._former is not None:
-            sound.append(as_before(task, self._former))
-        if deadline is None or not sound or not sound[0].covers:
-            sound.append(search(task, deadline))
-        sound = [one for one in sound if one.feasible and self._footing.keeps(one.plan, start)]
-        return min(sound, key=lambda candidate: candidate.rank, default=None)
-
-    def _in_one_go(self, start: Start, deadline: float | None) -> Candidate | None:
-        """Return a plan that brings all of many looks without going round again, if there is one."""
-        task = self._task(start, in_one_go=True)
-        if not takes_laps(task.looks):
-            return None
-        sound = [] if self._former is None else [as_before(task, self._former)]
-        if not any(one.complete for one in sound):
-            effort_s, thorough = self._mission.spec.control.planning_time_s, not start.velocity.any()
-            sound = self._engine.unhurried(task, part_of(deadline, 0.5), effort_s, thorough=thorough)
-        sound = [one for one in sound if one.feasible and _brings_most(task, one)]
-        sound = [one for one in sound if self._footing.keeps(one.plan, start)]
-        return min(sound, key=lambda candidate: candidate.rank, default=None)
-
-    def _task(self, start: Start, *, in_one_go: bool = False) -> Task:
-        (weight, looks), cell = self._orders.next(start, in_one_go=in_one_go), self._mission.field.cell
-        state = (start.position, start.velocity, start.time)
-        return Task(self._mission.fleet, cell, weight * self._footing.measurable, *state, self._period, looks=looks)
 
     def _notice_loss(self, start: Start, deadline: float | None) -> None:
         """See whether a fleet at rest finds no way on in time."""
@@ -293,8 +258,3 @@ class RecedingHorizon:
         self._ladder.published = plan
         now = time.perf_counter()
         return StepResult(plan, rung, reason, now - begun, deadline is not None and now > deadline)
-
-
-def _brings_most(task: Task, candidate: Candidate) -> bool:
-    """Return whether a plan leaves so little that one more after it brings the rest."""
-    return candidate.complete or float((task.owed_after(candidate.plan) > 0.0).mean()) <= _REST
