@@ -103,15 +103,17 @@ def draw_distances(axes: Axes, trajectory: Trajectory) -> None:
         axes.plot(time, distance.min(axis=1), color="#D55E00", linewidth=2.2, label="closest pair")
     _mark_deaths(axes, trajectory)
     if axes.get_legend_handles_labels()[1]:
-        legend = axes.legend(loc="upper left", ncols=2, handlelength=1.3, columnspacing=0.9, borderpad=0.2)
+        columns = 1 if losses else 2  # a death's line is too long for a second column
+        legend = axes.legend(loc="upper left", ncols=columns, handlelength=1.3, columnspacing=0.9, borderpad=0.2)
         legend.set_in_layout(False)
-    top = 1.3 * float(distance.max())
+    room = 1.3 + 0.2 * len(losses)
+    top = room * float(distance.max())
     if fleet.separation_min > 0.0:
         axes.axhspan(0.0, fleet.separation_min, color=LIMIT, alpha=0.12, linewidth=0)
         draw_limit(axes, fleet.separation_min, rf"$\rho_B$ = {fleet.separation_min:g} m")
     if np.isfinite(fleet.communication_range):
         draw_limit(axes, fleet.communication_range, rf"$\rho_C$ = {fleet.communication_range:g} m", above=False)
-        top = max(top, 1.3 * fleet.communication_range)
+        top = max(top, room * fleet.communication_range)
     axes.set_ylim(0.0, top)
     _finish(axes, trajectory, "Distances between agents", "distance [m]")
 
