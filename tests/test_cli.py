@@ -347,8 +347,18 @@ def test_plan_and_plot(run, quick, tmp_path):
     assert run("plot", "p.npz", "--out", "elsewhere")[1].startswith("elsewhere")
 
 
+_AS_ON_A_TERMINAL = """
+import signal, sys
+from mpc_cover.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.argv[0] = "mpc-cover"
+main()
+"""
+"""Whoever is started in the background of a script ignores Ctrl-C, and so do all that it starts."""
+
+
 def test_ctrl_c_in_a_simulation(tmp_path):
-    command = [sys.executable, "-m", "mpc_cover", "simulate", "box-3", "--out", "run"]
+    command = [sys.executable, "-c", _AS_ON_A_TERMINAL, "simulate", "box-3", "--out", "run"]
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         waiting = Event()
         while not (tmp_path / "run" / "mission.json").exists() and process.poll() is None:
