@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.rows import Rows
+from mpc_cover.constraints.rows import elastic_rows
 from mpc_cover.model.braking import braking_slope
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.constraints.rows import Layout
+    from mpc_cover.constraints.rows import Layout, Rows
     from mpc_cover.mission.fleet import Fleet
 
 _SPARE = 0.01
@@ -46,15 +46,7 @@ def overrun_rows(
     value = np.concatenate([normal, slope], axis=1)
     iterate = np.concatenate([position[sample, agent], speed], axis=1)
     upper = np.einsum("re,re->r", value, iterate) - beyond[side, sample, agent, axis]
-    each = np.arange(side.size)
-    return Rows(
-        np.repeat(each, column.shape[1]),
-        column.ravel(),
-        value.ravel(),
-        np.full(side.size, -np.inf),
-        upper,
-        elastic=each,
-    )
+    return elastic_rows(column, value, upper)
 
 
 def _beyond(position: FloatArray, velocity: FloatArray, fleet: Fleet) -> FloatArray:

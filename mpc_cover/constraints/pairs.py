@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.rows import Layout, Rows
+from mpc_cover.constraints.rows import elastic_rows
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.constraints.rows import Layout, Rows
 
 WITHIN = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 """Instants inside an interval at which pairs are looked at, as parts of it."""
@@ -87,9 +88,7 @@ def elastic_pair_rows(
         axis=1,
     )
     value = np.concatenate([normal, -normal], axis=1)
-    row = np.repeat(np.arange(sample.size), column.shape[1])
-    lower = np.full(sample.size, -np.inf)
-    return Rows(row, column.ravel(), value.ravel(), lower, upper, elastic=slack)
+    return elastic_rows(column, value, upper, slack)
 
 
 def _length(vector: FloatArray) -> FloatArray:

@@ -71,10 +71,16 @@ class Rows:
         return 0 if self.elastic is None or self.elastic.size == 0 else int(self.elastic.max()) + 1
 
 
-def dense_rows(column: IntArray, value: FloatArray, lower: FloatArray, upper: FloatArray) -> Rows:
-    """Return rows with the same number of entries each: `column` and `value` are (rows, entries)."""
-    row = np.repeat(np.arange(column.shape[0]), column.shape[1])
-    return Rows(row, column.ravel(), value.ravel(), lower, upper)
+def elastic_rows(column: IntArray, value: FloatArray, upper: FloatArray, slack: IntArray | None = None) -> Rows:
+    """Return rows value . x - s <= upper with the same number of entries each.
+
+    `column` and `value` are (rows, entries), `upper` (rows,), `slack` (rows,) the number of each row's slack: its own
+    where it is left out.
+    """
+    each = np.arange(column.shape[0])
+    lower = np.full(each.size, -np.inf)
+    slack = each if slack is None else slack
+    return Rows(np.repeat(each, column.shape[1]), column.ravel(), value.ravel(), lower, upper, elastic=slack)
 
 
 def stack(blocks: Sequence[Rows], columns: int) -> tuple[sp.csc_array[np.float64], FloatArray, FloatArray]:

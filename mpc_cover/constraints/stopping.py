@@ -17,12 +17,12 @@ import numpy as np
 
 from mpc_cover.constraints.overrun import overrun
 from mpc_cover.constraints.pairs import all_pairs
-from mpc_cover.constraints.rows import Rows
+from mpc_cover.constraints.rows import elastic_rows
 from mpc_cover.model.braking import braked, braking_slope
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
-    from mpc_cover.constraints.rows import Layout
+    from mpc_cover.constraints.rows import Layout, Rows
     from mpc_cover.mission.fleet import Fleet
 
 _LOOKS = 4
@@ -122,6 +122,11 @@ def exposures(position: FloatArray, velocity: FloatArray, period: float, fleet: 
     return np.concatenate([*met, overrun(position, velocity, fleet).ravel()])
 
 
+def exposure(position: FloatArray, velocity: FloatArray, period: float, fleet: Fleet) -> float:
+    """Return the largest of the exposures [m]; 0 for none."""
+    return float(exposures(position, velocity, period, fleet).max(initial=0.0))
+
+
 def stopping_rows(
     layout: Layout, position: FloatArray, velocity: FloatArray, period: float, fleet: Fleet, found: Stops
 ) -> Rows:
@@ -151,10 +156,7 @@ def stopping_rows(
     iterate = np.concatenate([position.ravel(), velocity.ravel()])
     reached = np.einsum("ce,ce->c", value, iterate[column])
     along = np.einsum("cd,cd->c", normal, found.apart)
-    each = np.arange(normal.shape[0])
-    upper = along - reached - found.required
-    row = np.repeat(each, column.shape[1])
-    return Rows(row, column.ravel(), -value.ravel(), np.full(each.size, -np.inf), upper, elastic=each)
+    return elastic_rows(column, -value, along - reached - found.required)
 
 
 def _directions(found: Stops) -> FloatArray:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.stopping import exposures
+from mpc_cover.constraints.stopping import exposure
 from mpc_cover.control.courses import path_among
 from mpc_cover.control.easing import bounds_within_reach, strict
 from mpc_cover.control.fallback import brake_plan, shifted_plan
@@ -121,7 +121,8 @@ class Footing:
 
         `before` is the state a period earlier: who stopped then is not known of yet.
         """
-        return self.exposure(plan, before) <= max(EXPOSED, self.exposure(known, before))
+        new = self.exposure(plan, before)
+        return new <= EXPOSED or new <= self.exposure(known, before)
 
     def exposure(self, plan: Plan, before: tuple[FloatArray, FloatArray] | None = None) -> float:
         """Return by how much [m] someone comes too near to one who stops without warning, or that one leaves the box.
@@ -132,7 +133,7 @@ class Footing:
         if before is not None:
             pairs = zip(before, (position, velocity), strict=True)
             position, velocity = (np.concatenate([first[None], later]) for first, later in pairs)
-        return float(exposures(position, velocity, plan.period, self.bounds.planned).max(initial=0.0))
+        return exposure(position, velocity, plan.period, self.bounds.planned)
 
     def _change(self) -> bool:
         self.fleet = without(slowed(self._wary(self._tight), self._share), self._lost)

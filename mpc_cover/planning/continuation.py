@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.stopping import exposures
+from mpc_cover.constraints.stopping import exposure
 from mpc_cover.coverage.majoriser import Softness
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.planning.deadline import late
@@ -182,7 +182,7 @@ def judge(window: Window, x: FloatArray) -> Refined:
     problem = CoverageProblem(window, Settings(softness_at(SHARPNESS[-1], length_scale(window))))
     position, velocity = window.motion(x)
     cost = coverage_cost(position, window.cell, window.fleet.radius, window.weight, window.looks)
-    exposed = float(exposures(position, velocity, window.period, window.fleet).max(initial=0.0))
+    exposed = exposure(position, velocity, window.period, window.fleet)
     return Refined(x, cost, problem.violation(x), (), exposed)
 
 

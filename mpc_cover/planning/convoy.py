@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.model.motion import roll_out
 from mpc_cover.planning.deadline import late
 from mpc_cover.planning.follow import Motion
 
@@ -63,8 +64,7 @@ def convoy(task: Task, deadline: float | None = None) -> Motion | None:
 
 def _moved(velocity: FloatArray, period: float) -> FloatArray:
     """Return displacements (n, d) [m] at samples 0 to n - 1, of velocities (n, d) [m/s]."""
-    steps = 0.5 * period * (velocity[:-1] + velocity[1:])
-    return np.concatenate([np.zeros_like(velocity[:1]), np.cumsum(steps, axis=0)])
+    return roll_out(np.zeros_like(velocity[0]), velocity[0], np.diff(velocity, axis=0) / period, period)[0]
 
 
 def _leg(displacement: FloatArray, speed: float, force: float, period: float) -> FloatArray:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.stopping import exposures
+from mpc_cover.constraints.stopping import exposure
 from mpc_cover.errors import UserError
 from mpc_cover.planning.continuation import judge, refine
 from mpc_cover.planning.deadline import Effort, Meter, late, part_of
 from mpc_cover.planning.metered import metered
 from mpc_cover.planning.planner import Search, plan_for
-from mpc_cover.planning.task import takes_laps
+from mpc_cover.planning.task import gentle, takes_laps
 from mpc_cover.planning.unhurried import mended, unhurried
 from mpc_cover.planning.whole import plan_shortest, plan_whole
 from solvers.backends.registry import UnknownBackendError, make_backend
@@ -63,14 +63,13 @@ class Engine:
 
     def whole(self, task: Task, deadline: float | None, effort_s: float | None = None) -> Candidate:
         """Plan everything that is owed, thoroughly; without a deadline with so much effort [s] at the most."""
-        if deadline is None and effort_s is not None:
-            deadline = Effort(self._meter, self._meter.spent_s + effort_s)
+        if effort_s is not None:
+            deadline = self._bounded(deadline, effort_s)
         return self._with_room(partial(plan_whole, backend=self._backend), task, deadline)
 
     def quick(self, task: Task, deadline: float | None) -> Candidate:
         """Plan everything that is owed from a few starts, refined once if there is time; work is bounded, too."""
-        if deadline is None:
-            deadline = Effort(self._meter, self._meter.spent_s + _QUICK_PERIODS * task.period)
+        deadline = self._bounded(deadline, _QUICK_PERIODS * task.period)
         few = partial(plan_whole, backend=self._backend, attempts=1, search=Search(starts=3, finalists=1))
         return self._with_room(few, task, deadline)
 
@@ -79,8 +78,7 @@ class Engine:
 
         Without a deadline repairs take so much effort [s] at the most.
         """
-        if deadline is None:
-            deadline = Effort(self._meter, self._meter.spent_s + effort_s)
+        deadline = self._bounded(deadline, effort_s)
         flown = unhurried(task, _SWEEPS if thorough else _FEW_SWEEPS, part_of(deadline, _FLOWN))
         if any(candidate.complete for candidate in flown):
             return flown
@@ -105,21 +103,23 @@ class Engine:
 
     def polish(self, window: Window, x: FloatArray, iterations: int, deadline: float | None) -> Refined:
         """Improve a motion that is already good by a few QPs: of many looks, by one around fewer samples."""
-        many = takes_laps(window.looks)
         return refine(
             window,
             x,
             self._backend,
             sharpness=(_FLIGHT_SHARPNESS,),
-            iterations=1 if many else iterations,
-            region=0.25 if many else 0.5,
-            count=3 if many else 6,
+            iterations=1 if takes_laps(window.looks) else iterations,
             deadline=deadline,
+            **gentle(window.looks),
         )
 
     def judge(self, window: Window, x: FloatArray) -> Refined:
         """Return what a motion is worth as it stands."""
         return judge(window, x)
+
+    def _bounded(self, deadline: float | None, effort_s: float) -> float:
+        """Return the deadline, or without one, that of so much effort [s]."""
+        return Effort(self._meter, self._meter.spent_s + effort_s) if deadline is None else deadline
 
     def _with_room(self, plan: Callable[..., Candidate], task: Task, deadline: float | None) -> Candidate:
         """Plan with room to stop; where that leaves too much over, without, too: a crowd would hardly move."""
@@ -132,5 +132,5 @@ class Engine:
             return roomy
         dense = plan(replace(task, fleet=replace(task.fleet, reaction=0.0)), deadline=deadline)
         flown = dense.plan
-        exposed = exposures(flown.position, flown.velocity, flown.period, task.fleet).max(initial=0.0)
-        return min(roomy, replace(dense, exposure=float(exposed)), key=lambda candidate: candidate.rank)
+        exposed = exposure(flown.position, flown.velocity, flown.period, task.fleet)
+        return min(roomy, replace(dense, exposure=exposed), key=lambda candidate: candidate.rank)

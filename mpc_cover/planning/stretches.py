@@ -6,7 +6,7 @@ plan covers. Asked for the same in one sample less, it takes a sample off the wh
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.continuation import judge, refine
 from mpc_cover.planning.deadline import late
-from mpc_cover.planning.task import takes_laps
+from mpc_cover.planning.task import gentle
 from mpc_cover.planning.window import Window
 
 if TYPE_CHECKING:
@@ -83,13 +83,13 @@ def _stretch(
     """
     position, velocity = motion
     owed = _left_by_others(task, position, begin, end)
-    steps, gentle = end - begin, _gentle(task)
+    steps = end - begin
     window = _window(task, motion, owed, begin, end, steps)
     now = judge(window, window.decision(position[begin], velocity[begin : end + 1]))
     for count in (steps - 1,) if now.complete else (steps, steps + 1):
         window = _window(task, motion, owed, begin, end, count)
         x = window.exact_ends(window.decision(position[begin], resampled(velocity[begin : end + 1], count)))
-        found = refine(window, x, backend, sharpness=_STAGES, iterations=_ITERATIONS, **gentle)
+        found = refine(window, x, backend, sharpness=_STAGES, iterations=_ITERATIONS, **gentle(task.looks))
         if _better(found, now, longer=count > steps):
             joined = np.concatenate([velocity[:begin], window.motion(found.x)[1], velocity[end + 1 :]])
             whole = task.window(joined.shape[0] - 1)
@@ -104,11 +104,6 @@ def _better(new: Refined, old: Refined, *, longer: bool) -> bool:
     if not old.feasible or new.complete:
         return True
     return not longer and new.merit < old.merit
-
-
-def _gentle(task: Task) -> dict[str, Any]:
-    """Return how far a QP may move samples, and how many of them share a look: those of many looks are dense."""
-    return {"region": 0.25, "count": 3} if takes_laps(task.looks) else {"region": 0.5}
 
 
 def _window(

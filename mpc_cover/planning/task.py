@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -30,6 +30,11 @@ AT_ONCE = 3
 def takes_laps(looks: IntArray | None) -> bool:
     """Return whether so many looks (J, K) are owed that plans which pass by as fast as they can need several laps."""
     return looks is not None and int(looks.max(initial=0)) > AT_ONCE
+
+
+def gentle(looks: IntArray | None) -> dict[str, Any]:
+    """Return how far a QP may move samples, and how many of them share a look: those of many looks are dense."""
+    return {"region": 0.25, "count": 3} if takes_laps(looks) else {"region": 0.5}
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,3 +157,16 @@ def as_flown(task: Task, guess: Guess, motion: Motion) -> Candidate:
     """Return the candidate of a guess as it flies."""
     window = task.window(motion.steps)
     return candidate_of(task, motion.steps, judge(window, window.exact_ends(motion.decision)), guess.kind)
+
+
+def as_moved(task: Task, position: FloatArray, velocity: FloatArray, kind: str) -> Candidate:
+    """Return the candidate of velocities (N+1, m, d) [m/s] from a (m, d) `position` [m], as they stand."""
+    window = task.window(velocity.shape[0] - 1)
+    return candidate_of(task, window.steps, judge(window, window.decision(position, velocity)), kind)
+
+
+def promise(candidate: Candidate, repair: float) -> float:
+    """Order guesses as they fly: what they take [s], longer by `repair` for each metre of violation, and leave."""
+    plan = candidate.plan
+    violation = candidate.refined.violation if candidate.refined is not None else 0.0
+    return plan.steps * plan.period * (1.0 + repair * violation) + candidate.cost

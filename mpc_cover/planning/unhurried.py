@@ -7,19 +7,19 @@ is asked for once more of the programme; what breaks separation or connectivity 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.continuation import judge
 from mpc_cover.planning.deadline import late
 from mpc_cover.planning.dwelling import dwell, timed
 from mpc_cover.planning.follow import follow_samples
 from mpc_cover.planning.guesses import Guess, sweep_guesses
 from mpc_cover.planning.stretches import improve
-from mpc_cover.planning.task import as_flown, candidate_of
+from mpc_cover.planning.task import as_flown, as_moved, promise
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,6 +35,8 @@ _MOST_WORK = 2e6
 """Cells times metres of path up to which one guess after another is timed: 18 of 100 m^2, one of 1600 m^2."""
 _MENDABLE = 2e7
 """Coordinates of a plan times cells up to which it is mended: every stretch counts all looks of the others."""
+_REPAIR = 0.1
+"""What a metre of violation adds to the time that a guess promises, as a part of it."""
 _KICK = 4.0
 """By how much what a pass leaves over weighs more in the next."""
 _ROUNDS = 4
@@ -72,7 +74,7 @@ def _reluctance(guess: Guess) -> bool:
 def mended(task: Task, flown: list[Candidate], backend: Backend, most: int, deadline: float | None) -> list[Candidate]:
     """Return what becomes of the `most` promising of some plans when they are repaired and shortened by the SQP."""
     found: list[Candidate] = []
-    for guess in sorted(flown, key=promise)[:most]:
+    for guess in sorted(flown, key=partial(promise, repair=_REPAIR))[:most]:
         if late(deadline) or guess.plan.position.size * task.cell.shape[0] > _MENDABLE:
             break
         found.append(_mended(task, guess, backend, deadline))
@@ -90,19 +92,10 @@ def _mended(task: Task, guess: Candidate, backend: Backend, deadline: float | No
         position, velocity = improve(
             heavier, (position, velocity), backend, length=_STRETCH, passes=1, deadline=deadline
         )
-        window = task.window(velocity.shape[0] - 1)
-        judged = judge(window, window.decision(position[0], velocity))
-        candidate = candidate_of(task, window.steps, judged, guess.kind)
+        candidate = as_moved(task, position[0], velocity, guess.kind)
         best = min(best, candidate, key=lambda one: one.rank)
         weight = np.where(task.owed_after(candidate.plan) > 0.0, _KICK * weight, weight)
     return best
-
-
-def promise(candidate: Candidate) -> float:
-    """Order guesses as they fly: what they take, and what they would still have to repair [s]."""
-    plan = candidate.plan
-    violation = candidate.refined.violation if candidate.refined is not None else 0.0
-    return plan.steps * plan.period * (1.0 + 0.1 * violation) + candidate.cost
 
 
 def _flown(task: Task, guess: Guess) -> Iterator[Motion]:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.planning.continuation import judge
 from mpc_cover.planning.convoy import convoy
 from mpc_cover.planning.deadline import late, part_of
 from mpc_cover.planning.guesses import Guess, rest_guess, tour_guess
 from mpc_cover.planning.planner import Search, plan_for, starts
 from mpc_cover.planning.stretches import improve
-from mpc_cover.planning.task import Candidate, Task, as_flown, candidate_of
+from mpc_cover.planning.task import Candidate, Task, as_flown, as_moved, promise
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,6 +37,8 @@ _FINALISTS = 3
 _EXTENSIONS = 3
 _LARGE = 500
 """Samples times agents beyond which one QP for the whole plan takes too long."""
+_REPAIR = 2.0
+"""What a metre of violation adds to the time that a guess promises, as a part of it."""
 _STRETCH, _PASSES, _TRIED = 24, 3, 3
 """Samples of a stretch, passes over a plan, and guesses that are tried, of large plans."""
 
@@ -62,7 +64,7 @@ def plan_whole(
     found.append(as_flown(task, still, task.flown(still, task.least_steps)))
     work = min(motion.steps for _, motion in flights)
     if work * task.fleet.size > _LARGE:
-        return _plan_large(task, backend, sorted(found, key=_promise), deadline)
+        return _plan_large(task, backend, sorted(found, key=partial(promise, repair=_REPAIR)), deadline)
     steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * work)
     shortest = 0
     for _ in range(attempts):
@@ -89,13 +91,6 @@ def plan_whole(
     return min([*finished, *found], key=lambda candidate: candidate.rank)
 
 
-def _promise(candidate: Candidate) -> float:
-    """Order guesses as they fly: what they take, and what they would still have to repair [s]."""
-    plan = candidate.plan
-    violation = candidate.refined.violation if candidate.refined is not None else 0.0
-    return plan.steps * plan.period * (1.0 + 2.0 * violation) + candidate.cost
-
-
 def _plan_large(task: Task, backend: Backend, flown: list[Candidate], deadline: float | None) -> Candidate:
     """Repair and improve the best guesses stretch by stretch, then fly on to what is left over."""
     resting = next(candidate for candidate in flown if candidate.kind == "rest")
@@ -107,9 +102,7 @@ def _plan_large(task: Task, backend: Backend, flown: list[Candidate], deadline: 
         until = part_of(deadline, 0.8 / (_TRIED - number))
         motion = (guess.plan.position, guess.plan.velocity)
         position, velocity = improve(task, motion, backend, length=_STRETCH, passes=_PASSES, deadline=until)
-        window = task.window(velocity.shape[0] - 1)
-        judged = judge(window, window.decision(position[0], velocity))
-        found.append(candidate_of(task, window.steps, judged, guess.kind))
+        found.append(as_moved(task, position[0], velocity, guess.kind))
         if found[-1].feasible:
             break
     found += [guess for guess in guesses if guess.feasible]
@@ -213,7 +206,4 @@ def _leads_on(rest: Task, more: Candidate) -> bool:
 
 def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:
     velocity = np.concatenate([first.plan.velocity, second.plan.velocity[1:]])
-    steps = velocity.shape[0] - 1
-    window = task.window(steps)
-    judged = judge(window, window.decision(first.plan.position[0], velocity))
-    return candidate_of(task, steps, judged, f"{first.kind}, then {second.kind}")
+    return as_moved(task, first.plan.position[0], velocity, f"{first.kind}, then {second.kind}")

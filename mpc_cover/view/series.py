@@ -97,11 +97,11 @@ def draw_distances(axes: Axes, trajectory: Trajectory) -> None:
     distance = np.linalg.norm(position[:, first] - position[:, second], axis=2)
     axes.plot(time, distance, color=QUIET, linewidth=0.9, alpha=max(0.25, 1.0 - 0.02 * first.size))
     if len(trajectory.agent_id) > 2:  # noqa: PLR2004 - of one pair the tree is the pair
-        widest, name = _longest_edge(trajectory, time, distance), "longest tree edge"
+        widest, name = _longest_edge(losses, len(trajectory.agent_id), time, distance), "longest tree edge"
         name += " (living)" * bool(losses)
         axes.plot(time, widest, color=INK, linewidth=2.6, label=name, path_effects=outlined(4.0))
         axes.plot(time, distance.min(axis=1), color="#D55E00", linewidth=2.2, label="closest pair")
-    _mark_deaths(axes, trajectory)
+    _mark_deaths(axes, trajectory, losses)
     if axes.get_legend_handles_labels()[1]:
         columns = 1 if losses else 2  # a death's line is too long for a second column
         legend = axes.legend(loc="upper left", ncols=columns, handlelength=1.3, columnspacing=0.9, borderpad=0.2)
@@ -118,12 +118,11 @@ def draw_distances(axes: Axes, trajectory: Trajectory) -> None:
     _finish(axes, trajectory, "Distances between agents", "distance [m]")
 
 
-def _longest_edge(trajectory: Trajectory, time: FloatArray, distance: FloatArray) -> FloatArray:
+def _longest_edge(losses: dict[int, float], agents: int, time: FloatArray, distance: FloatArray) -> FloatArray:
     """Return (Q,) the longest edge [m] of the tree of those who live at times (Q,) [s]; NaN where one is left.
 
-    `distance` is (Q, P) [m].
+    `losses` says when who died [s]; `distance` is (Q, P) [m].
     """
-    losses, agents = losses_of(trajectory), len(trajectory.agent_id)
     first, second = np.triu_indices(agents, k=1)
     widest = np.full(time.shape, np.nan)
     since = np.sort([-np.inf, *losses.values()])
@@ -135,9 +134,9 @@ def _longest_edge(trajectory: Trajectory, time: FloatArray, distance: FloatArray
     return widest
 
 
-def _mark_deaths(axes: Axes, trajectory: Trajectory) -> None:
+def _mark_deaths(axes: Axes, trajectory: Trajectory, losses: dict[int, float]) -> None:
     """Draw when agents died, each in its own line of the legend."""
-    for index, time in sorted(losses_of(trajectory).items(), key=lambda item: item[1]):
+    for index, time in sorted(losses.items(), key=lambda item: item[1]):
         name = f"{trajectory.agent_id[index]} dies, {time:.1f} s"
         axes.axvline(time, color=agent_style(index)[0], linewidth=1.8, linestyle=(0, (2, 1.5)), label=name, zorder=3)
 
