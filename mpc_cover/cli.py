@@ -76,9 +76,9 @@ def demo(
     as_json: Json = False,
 ) -> None:
     """Fly a mission with a controller and its agents as real processes over Zenoh on loopback."""
-    from mpc_cover.service.demo import DemoOptions, run_demo  # noqa: PLC0415
-    from mpc_cover.service.kills import parse_kills  # noqa: PLC0415
-    from mpc_cover.service.run_folder import RunFolder, default_folder  # noqa: PLC0415
+    from mpc_cover.service.run.demo import DemoOptions, run_demo  # noqa: PLC0415
+    from mpc_cover.service.run.fault_injection import parse_kills  # noqa: PLC0415
+    from mpc_cover.service.run.run_folder import RunFolder, default_folder  # noqa: PLC0415
 
     check_speed(speed)
     solver = flight_backend(backend, controller)
@@ -116,10 +116,10 @@ def simulate(
     as_json: Json = False,
 ) -> None:
     """Fly the same closed loop in one process on a virtual clock: no network, the same result every time."""
-    from mpc_cover.service.kills import parse_kills  # noqa: PLC0415
-    from mpc_cover.service.progress import Progress  # noqa: PLC0415
-    from mpc_cover.service.run_folder import RunFolder, default_folder, step_times_of  # noqa: PLC0415
-    from mpc_cover.service.simulate import simulate as run_simulation  # noqa: PLC0415
+    from mpc_cover.service.run.fault_injection import parse_kills  # noqa: PLC0415
+    from mpc_cover.service.run.progress import Progress  # noqa: PLC0415
+    from mpc_cover.service.run.run_folder import RunFolder, default_folder, step_times_of  # noqa: PLC0415
+    from mpc_cover.service.run.simulate import simulate as run_simulation  # noqa: PLC0415
 
     solver = flight_backend(backend, controller)
     loaded = load(mission)
@@ -198,8 +198,8 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Verify a trajectory independently: what holds, and by what margin; exit status 0 if all does, else 1."""
-    from mpc_cover.service.run_folder import find_trajectory  # noqa: PLC0415
-    from mpc_cover.trajectory import load_trajectory  # noqa: PLC0415
+    from mpc_cover.service.run.run_folder import find_trajectory  # noqa: PLC0415
+    from mpc_cover.trajectory_file import load_trajectory  # noqa: PLC0415
     from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
     from mpc_cover.verification.summary import summarise  # noqa: PLC0415
     from mpc_cover.view.tables import print_report  # noqa: PLC0415
@@ -221,8 +221,8 @@ def plot(
     ] = None,
 ) -> None:
     """Draw a trajectory: paths over the coverage map, coverage, speeds, inputs, distances, step times."""
-    from mpc_cover.service.run_folder import find_trajectory, read_step_times  # noqa: PLC0415
-    from mpc_cover.trajectory import load_trajectory  # noqa: PLC0415
+    from mpc_cover.service.run.run_folder import find_trajectory, read_step_times  # noqa: PLC0415
+    from mpc_cover.trajectory_file import load_trajectory  # noqa: PLC0415
     from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
     from mpc_cover.view.figures import draw_run  # noqa: PLC0415
 

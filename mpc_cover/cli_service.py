@@ -13,7 +13,7 @@ from mpc_cover.cli_options import Backend, Controller, MissionArgument, Seed, Sp
 from mpc_cover.errors import UserError
 
 if TYPE_CHECKING:
-    from mpc_cover.service.network import NetworkOptions
+    from mpc_cover.service.protocol.network import NetworkOptions
 
 Connect = Annotated[
     list[str] | None,
@@ -53,9 +53,9 @@ def serve(
 
     Without -e, -l and --config it listens on tcp/127.0.0.1:7474, where `mpc-cover agent` looks for it.
     """
-    from mpc_cover.service.network import DEFAULT_ENDPOINT  # noqa: PLC0415 - --help needs none of these
-    from mpc_cover.service.serving import ServeOptions  # noqa: PLC0415
-    from mpc_cover.service.serving import serve as run_serve  # noqa: PLC0415
+    from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.service.run.serve import ServeOptions  # noqa: PLC0415
+    from mpc_cover.service.run.serve import serve as run_serve  # noqa: PLC0415
 
     check_speed(speed)
     check_backend(backend)
@@ -88,14 +88,14 @@ def agent(
     With --controller potential no plans come: it flies by the potential law on what it hears from the others, and ends
     when all know that everything is covered. Without endpoints the agents of a mission find each other on loopback.
     """
-    from mpc_cover.service.network import DEFAULT_ENDPOINT  # noqa: PLC0415 - --help needs none of these
-    from mpc_cover.service.serving import AgentOptions, fly  # noqa: PLC0415
+    from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.service.run.serve import AgentOptions, fly  # noqa: PLC0415
 
     check_speed(speed)
     loaded = load(mission)
     options = AgentOptions(speed, record, with_parent, seed)
     if cli_swarm.flies_alone(controller, loaded):
-        from mpc_cover.service.swarm_serving import fly_alone  # noqa: PLC0415
+        from mpc_cover.service.run.swarm_serve import fly_alone  # noqa: PLC0415
 
         network = _network(connect, listen, config, connect_timeout)
         raise typer.Exit(fly_alone(loaded, agent_id, options, network))
@@ -113,7 +113,7 @@ def _network(
     default_listen: str | None = None,
 ) -> NetworkOptions:
     """Return the options; the defaults hold only when nothing else is said."""
-    from mpc_cover.service.network import NetworkOptions  # noqa: PLC0415
+    from mpc_cover.service.protocol.network import NetworkOptions  # noqa: PLC0415
 
     if not math.isfinite(timeout) or timeout < 0.0:
         raise UserError(f"--connect-timeout {timeout:g}: must be a number of seconds, 0 or more")

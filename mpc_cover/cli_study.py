@@ -57,7 +57,7 @@ def horizon(
 
     A study that was stopped goes on where it was; changed options add runs to the folder's others.
     """
-    from mpc_cover.studies.crew import DaskCrew, LocalCrew  # noqa: PLC0415 - --help need not wait for these
+    from mpc_cover.studies.executors import DaskExecutor, LocalExecutor  # noqa: PLC0415 - --help need not wait for these
     from mpc_cover.studies.grid import Grid  # noqa: PLC0415
     from mpc_cover.studies.horizon import run_study  # noqa: PLC0415
 
@@ -72,7 +72,7 @@ def horizon(
         controllers=_listed(controllers),
         starts=starts,
     )
-    crew = DaskCrew(dask) if dask is not None else LocalCrew(jobs or cores())
+    crew = DaskExecutor(dask) if dask is not None else LocalExecutor(jobs or cores())
     command = shlex.join(["mpc-cover", *sys.argv[1:]])
     result = run_study(grid, out, crew, console_for(as_json=as_json), command=command)
     if as_json:

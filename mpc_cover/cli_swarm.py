@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.run_folder import RunFolder
+    from mpc_cover.service.run.run_folder import RunFolder
     from mpc_cover.verification.summary import RunSummary
 
 CONTROLLERS = ("mpc", "potential")
@@ -29,11 +29,11 @@ def flies_alone(controller: str, mission: Mission) -> bool:
     if controller not in CONTROLLERS:
         raise UserError(f"--controller {controller}: is none: must be one of {', '.join(CONTROLLERS)}")
     if controller == "potential":
-        from mpc_cover.control.potential_setup import check_flyable  # noqa: PLC0415 - others need not wait for it
+        from mpc_cover.distributed.setup import check_flyable  # noqa: PLC0415 - others need not wait for it
 
         check_flyable(mission)
         return True
-    from mpc_cover.service.brain import require_double  # noqa: PLC0415 - likewise
+    from mpc_cover.control.control_law import require_double  # noqa: PLC0415 - likewise
 
     require_double(mission)
     return False
@@ -43,8 +43,8 @@ def demo(
     mission: Mission, folder: RunFolder, console: Console, *, seed: int, speed: float, deaths: Mapping[str, float]
 ) -> tuple[RunSummary | None, dict[str, Any], int]:
     """Fly with one process an agent; return the summary, what else there is to say, and the exit status."""
-    from mpc_cover.service.demo import DemoOptions  # noqa: PLC0415 - every import here is one that others need not
-    from mpc_cover.service.swarm_demo import run_swarm_demo  # noqa: PLC0415
+    from mpc_cover.service.run.demo import DemoOptions  # noqa: PLC0415 - every import here is one that others need not
+    from mpc_cover.service.run.swarm_demo import run_swarm_demo  # noqa: PLC0415
 
     result = run_swarm_demo(mission, DemoOptions(seed=seed, speed=speed, deaths=deaths), folder, console)
     extra = {"folder": str(folder.path), "outcome": result.outcome, "exit_status": result.exit_status}
@@ -57,8 +57,8 @@ def simulate(
     """Fly the same agents in one process on a virtual clock; returns as `demo` does."""
     import numpy as np  # noqa: PLC0415
 
-    from mpc_cover.service.progress import Progress  # noqa: PLC0415
-    from mpc_cover.service.swarm_simulate import fly_swarm  # noqa: PLC0415
+    from mpc_cover.service.run.progress import Progress  # noqa: PLC0415
+    from mpc_cover.service.run.swarm_simulate import fly_swarm  # noqa: PLC0415
 
     with Progress(console) as progress:
         flight = fly_swarm(mission, seed=seed, deaths=deaths, on_tick=progress.show)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.mission.load import Mission, build_mission, load_mission
-from mpc_cover.trajectory import Trajectory
+from mpc_cover.trajectory_file import Trajectory
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray

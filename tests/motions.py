@@ -11,8 +11,8 @@ from flights import fleet_of
 from mpc_cover.constraints.boundary import Ends
 from mpc_cover.coverage.majoriser import Softness
 from mpc_cover.model.motion import roll_out
-from mpc_cover.planning.follow import follow
-from mpc_cover.planning.window import Settings, Window
+from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
+from mpc_cover.planning.ocp import OCP, Settings
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -35,7 +35,7 @@ def grid(size: int, spacing: float = 1.0, dimension: int = 2) -> FloatArray:
     return np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
 
 
-def random_window(seed: int, steps: int = 6, agents: int = 3, dimension: int = 2) -> tuple[Window, FloatArray]:
+def random_window(seed: int, steps: int = 6, agents: int = 3, dimension: int = 2) -> tuple[OCP, FloatArray]:
     """Return a window of a connected, separated fleet at rest, and a feasible decision vector."""
     rng = np.random.default_rng(seed)
     while True:
@@ -55,9 +55,9 @@ def random_window(seed: int, steps: int = 6, agents: int = 3, dimension: int = 2
     shift = rng.uniform(-1.0, 1.0, dimension)
     goals = [np.clip(q + shift, 0.5, 7.5)[None] for q in start]
     still = np.zeros_like(start)
-    flight = follow(goals, start, still, fleet, PERIOD, steps=steps)
+    flight = track_waypoints(goals, start, still, fleet, PERIOD, steps=steps)
     ends = Ends(start_position=start, start_velocity=still, end_velocity=still)
-    return Window(fleet, cell, weight, steps, PERIOD, ends), flight.decision
+    return OCP(fleet, cell, weight, steps, PERIOD, ends), flight.decision
 
 
 def settings(beta: float = 4.0, margin: float = 0.1) -> Settings:

@@ -17,7 +17,7 @@ import yaml
 
 from mpc_cover import __version__
 from mpc_cover.mission.load import shipped_missions
-from mpc_cover.trajectory import load_trajectory
+from mpc_cover.trajectory_file import load_trajectory
 
 BOX_3 = next(path for path in shipped_missions() if path.stem == "box-3")
 
@@ -81,7 +81,8 @@ def test_what_is_no_command_line(run, command):
 def test_nothing_heavy_is_imported_by_an_agent(tmp_path):
     heavy = ["scipy", "cvxpy", "matplotlib", "osqp", "clarabel", "piqp", "shapely", "rich"]
     code = (
-        "import sys, mpc_cover.cli, mpc_cover.service.serving, mpc_cover.service.agent, mpc_cover.service.recorder\n"
+        "import sys, mpc_cover.cli, mpc_cover.service.run.serve\n"
+        "import mpc_cover.service.agent.agent, mpc_cover.service.agent.recorder\n"
         f"mpc_cover.cli_options.load('box-3'); print([name for name in {heavy} if name in sys.modules])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
@@ -191,7 +192,7 @@ def test_a_network_that_is_none(refused, command, options, words):
 
 
 def test_a_state_directory_that_another_controller_uses(refused, tmp_path):
-    from mpc_cover.service.state_directory import StateDirectory  # noqa: PLC0415
+    from mpc_cover.service.controller.state_directory import StateDirectory  # noqa: PLC0415
 
     with StateDirectory(tmp_path / "state"):
         assert "another controller uses it" in refused("serve", "box-3", "--state-dir", "state")

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from tiny_mission import TINY
 
-from mpc_cover.control.potential_setup import check_flyable
+from mpc_cover.distributed.setup import check_flyable
 from mpc_cover.mission.load import load_mission, shipped_missions
 
 WIDE = {**TINY, "fleet": {**TINY["fleet"], "communication_range_m": 4.0}}

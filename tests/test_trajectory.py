@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from mpc_cover.errors import InvalidInputError, UnreadableFileError, UserError
 from mpc_cover.mission.load import load_mission
-from mpc_cover.trajectory import load_trajectory, save_trajectory
+from mpc_cover.trajectory_file import load_trajectory, save_trajectory
 
 ARRAYS = ("time", "position", "velocity", "input", "cell", "covered_at")
 

@@ -31,7 +31,7 @@ class FlightMap:
 
     def __init__(self, inner: ResidualMap, pace: PacedSensing, sensing: Sensing, *, graded: bool) -> None:
         self.map = inner
-        self._pace, self._sensing, self._graded = pace, sensing, graded
+        self._speeds, self._sensing, self._graded = pace, sensing, graded
 
     def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
         """Take what a fleet at (m, d) positions [m] measures at a mission time [s], or each agent at its own (m,)."""
@@ -44,7 +44,7 @@ class FlightMap:
         """
         owed = self.map.owed
         gamma = scaled(self.map.residual) if self._graded else owed.astype(float)
-        looks = np.where(owed, self.map.looks_expected + self._pace.too_soon(time_s, position), 0)
+        looks = np.where(owed, self.map.looks_expected + self._speeds.too_soon(time_s, position), 0)
         return Demand(gamma, looks if looks.max(initial=0) > 1 else None)
 
     def begin_lap(self, time_s: float, position: FloatArray) -> None:
@@ -92,7 +92,7 @@ class FlightMap:
 
     def state(self) -> dict[str, FloatArray]:
         """Return all that a successor needs to go on as if nothing had happened."""
-        return {name: array.copy() for name, array in self.map.kept.items()} | {"recent": self._pace.state()}
+        return {name: array.copy() for name, array in self.map.kept.items()} | {"recent": self._speeds.state()}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
         """Go on from what `state` returned; a ValueError if it is that of another map."""
@@ -100,4 +100,4 @@ class FlightMap:
         found = checked(state, {**shapes, "recent": (3, None)})
         for name, array in self.map.kept.items():
             array[:] = found[name]
-        self._pace.restore(found["recent"])
+        self._speeds.restore(found["recent"])

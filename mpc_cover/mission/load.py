@@ -135,12 +135,12 @@ def _find(path: Path) -> Path:
 
 def _cross_field_problems(raw: object, found: list[Problem]) -> list[Problem]:
     """Look across the fields even though some are wrong: mend those with neutral values first."""
-    mended = _without(raw, [problem.path for problem in found])
-    if not isinstance(mended, dict):
+    repaired = _without(raw, [problem.path for problem in found])
+    if not isinstance(repaired, dict):
         return []
-    mended = {"schema": 1, "name": "unnamed", **mended}
+    repaired = {"schema": 1, "name": "unnamed", **repaired}
     stand_in = {"shape": {"kind": "box", "min_m": [0, 0], "max_m": [1, 1]}, "cell_size_m": 1}
-    for attempt, area_known in ((mended, True), ({**mended, "area": stand_in}, False)):
+    for attempt, area_known in ((repaired, True), ({**repaired, "area": stand_in}, False)):
         with contextlib.suppress(ValidationError):
             problems = find_problems(MissionSpec.model_validate(attempt), area_known=area_known)
             break

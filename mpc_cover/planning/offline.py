@@ -12,10 +12,10 @@ from mpc_cover import __version__
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
 from mpc_cover.information.replay import measured_at
-from mpc_cover.planning.engine import Engine
-from mpc_cover.planning.planner import Search
+from mpc_cover.planning.multistart import Search
+from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
-from mpc_cover.trajectory import Trajectory
+from mpc_cover.trajectory_file import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -68,16 +68,16 @@ def plan_mission(
         Unknown back-end, or no motion that keeps the constraints was found.
     """
     options = options or PlanOptions()
-    engine, task = Engine(options.backend), offline_task(mission)
+    planner, task = Planner(options.backend), offline_task(mission)
     steps = round(mission.spec.planning.duration_s / task.period)
     deadline = None if options.time_limit_s is None else time.perf_counter() + options.time_limit_s
     rounds = _ROUNDS if deadline is None else None
     search = Search(options.starts, 3, seed=options.seed, rounds=rounds, exact_cones=options.exact_cones)
     tell = _teller(task.period, told)
     if options.min_time:
-        found = engine.shortest(task, replace(search, rounds=_ROUNDS), deadline, tell)
+        found = planner.shortest(task, replace(search, rounds=_ROUNDS), deadline, tell)
     else:
-        found = engine.fixed(task, steps, search, deadline, tell)
+        found = planner.fixed(task, steps, search, deadline, tell)
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
     return _trajectory(mission, options, found)

@@ -1,188 +1,136 @@
-"""Plans of a given length: several starts of different kinds, the best of them refined."""
+"""The planner as the controller sees it: a back-end is chosen here, and nowhere above."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from itertools import chain, islice
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.planning.continuation import SHARPNESS, judge, length_scale, refine
-from mpc_cover.planning.deadline import late, part_of
-from mpc_cover.planning.guesses import Guess, rest_guess, sweep_guesses, tour_guess
-from mpc_cover.planning.hopping import hopped, kicked
-from mpc_cover.planning.task import Candidate, Task, candidate_of
+from mpc_cover.constraints.passive_safety import braking_violation
+from mpc_cover.errors import UserError
+from mpc_cover.planning.budget import Effort, Meter, late, part_of
+from mpc_cover.planning.initial_guess.timed_sweeps import repaired, timed_sweeps
+from mpc_cover.planning.metered_backend import metered
+from mpc_cover.planning.min_time import plan_free_horizon, plan_min_time
+from mpc_cover.planning.multistart import Search, multistart
+from mpc_cover.planning.scp import evaluate, optimise
+from mpc_cover.planning.task import gentle, needs_laps
+from solvers.backends.registry import UnknownBackendError, make_backend
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.planning.continuation import Refined
-    from solvers.backends.base import Backend
+    from mpc_cover.planning.ocp import OCP
+    from mpc_cover.planning.scp import SCPResult
+    from mpc_cover.planning.task import Candidate, Task
 
-    Told = Callable[[int, Candidate], None]
+_FLIGHT_SHARPNESS = 40.0
+"""In flight the minimum is as good as hard: what is planned is nearly what is flown."""
+_ROOMY, _CROWDED = 0.8, 0.5
+"""Parts of the time for plans with room to stop; the rest is for those without: more where that was needed before."""
+_WORTH = 0.3
+"""Plans with room to stop may leave this part of what is owed over for the next."""
+_QUICK_PERIODS = 4.0
+"""A plan in flight without a deadline may take so many periods' effort: more would be no picture of a real flight."""
 
-COARSE = (4.0, 10.0, 30.0)
-"""Stages that tell good starts from bad ones: after them the order of the costs is nearly the final one."""
-_FIRST = ("comb", "snake", "strips", "tour")
-"""Kinds in the order in which they tend to end well."""
-_HOPELESS = 1.5
-"""What costs more than this many sensing radii after refinement is not refined again."""
-_TOURED = 1500
-"""Cells up to which a tour is among the guesses for everything."""
-_JITTER = 0.35
-"""Random starts move the waypoints of others by this part of the sensing radius."""
+_SWEEPS, _FEW_SWEEPS = 18, 3
+"""Guesses that slow plans are made from at rest, and within a step."""
+_FLOWN = 0.8
+"""Part of the time for slow plans that flying them takes at the most; repairs have the rest."""
+_MENDED = 3
+"""If none is complete as it flies, so many are repaired at rest: that takes longer than all the others together."""
 
 
-@dataclass(frozen=True)
-class Search:
-    """How much to search.
+class Planner:
+    """One back-end and the ways it is used.
 
-    Attributes
-    ----------
-    starts : guesses that are told apart by coarse stages; beyond the systematic ones they are random.
-    finalists : the best of them, refined until one covers everything.
-    seed : of the random ones.
-    kinds : only these guesses, in this order; empty for all.
-    rounds : hops from the best finalist while it leaves something over; None for as many as there is time for.
-    exact_cones : second-order cones instead of polytopes, where the back-end has them.
+    Raises
+    ------
+    UserError
+        For an unknown back-end; the message lists those there are.
     """
 
-    starts: int = 10
-    finalists: int = 2
-    seed: int = 0
-    kinds: tuple[str, ...] = ()
-    rounds: int | None = 0
-    exact_cones: bool = False
+    def __init__(self, backend: str) -> None:
+        self._meter = Meter()
+        self._crowded = False
+        try:
+            self._backend = metered(make_backend(backend), self._meter)
+        except UnknownBackendError as error:
+            raise UserError(str(error)) from None
 
+    def whole(self, task: Task, deadline: float | None, effort_s: float | None = None) -> Candidate:
+        """Plan everything that is owed, thoroughly; without a deadline with so much effort [s] at the most."""
+        if effort_s is not None:
+            deadline = self._bounded(deadline, effort_s)
+        return self._with_room(partial(plan_free_horizon, backend=self._backend), task, deadline)
 
-def plan_for(
-    task: Task,
-    backend: Backend,
-    steps: int,
-    search: Search | None = None,
-    deadline: float | None = None,
-    told: Told | None = None,
-) -> list[Candidate]:
-    """Return plans of exactly `steps` samples, the best first, from several starts; anytime.
+    def quick(self, task: Task, deadline: float | None) -> Candidate:
+        """Plan everything that is owed from a few starts, refined once if there is time; work is bounded, too."""
+        deadline = self._bounded(deadline, _QUICK_PERIODS * task.period)
+        few = partial(plan_free_horizon, backend=self._backend, attempts=1, search=Search(starts=3, finalists=1))
+        return self._with_room(few, task, deadline)
 
-    The list holds what became of each start that was tried. `deadline` is on `time.perf_counter`; `told` hears
-    of the length and each better plan.
-    """
-    search = search or Search()
-    tell = told or _nobody
-    window = task.window(steps)
-    screening = part_of(deadline, 0.5)
-    tried: list[tuple[Guess, FloatArray, Refined]] = []
-    for guess in islice(starts(task, search), max(search.starts, 1)):
-        if late(screening) and tried:
-            break
-        x = window.exact_ends(task.flown(guess, steps).decision)
-        coarse = refine(
-            window,
+    def timed_sweeps(self, task: Task, deadline: float | None, effort_s: float, *, thorough: bool) -> list[Candidate]:
+        """Return plans that bring all looks in one go, as slow as that takes: from all sweeps, or from a few.
+
+        Without a deadline repairs take so much effort [s] at the most.
+        """
+        deadline = self._bounded(deadline, effort_s)
+        flown = timed_sweeps(task, _SWEEPS if thorough else _FEW_SWEEPS, part_of(deadline, _FLOWN))
+        if any(candidate.complete for candidate in flown):
+            return flown
+        return [*flown, *repaired(task, flown, self._backend, _MENDED if thorough else 1, deadline)]
+
+    def fixed(
+        self,
+        task: Task,
+        steps: int,
+        search: Search,
+        deadline: float | None,
+        told: Callable[[int, Candidate], None] | None = None,
+    ) -> Candidate:
+        """Plan exactly `steps` samples."""
+        return multistart(task, self._backend, steps, search, deadline, told)[0]
+
+    def shortest(
+        self, task: Task, search: Search, deadline: float | None, told: Callable[[int, Candidate], None] | None = None
+    ) -> Candidate:
+        """Plan everything that is owed in as few samples as the search finds."""
+        return plan_min_time(task, self._backend, search=search, deadline=deadline, told=told)
+
+    def polish(self, ocp: OCP, x: FloatArray, iterations: int, deadline: float | None) -> SCPResult:
+        """Improve a motion that is already good by a few QPs: of many looks, by one around fewer samples."""
+        return optimise(
+            ocp,
             x,
-            backend,
-            sharpness=COARSE,
-            iterations=4,
+            self._backend,
+            sharpness=(_FLIGHT_SHARPNESS,),
+            iterations=1 if needs_laps(ocp.looks) else iterations,
             deadline=deadline,
-            exact_cones=search.exact_cones,
+            **gentle(ocp.looks),
         )
-        tried.append((guess, x, coarse))
-        if coarse.complete:
-            break
-    tried.sort(key=lambda item: (not item[2].feasible, item[2].merit))
-    found = [candidate_of(task, steps, coarse, guess.kind) for guess, _, coarse in tried]
-    for finalist in tried[: search.finalists]:
-        if min(found, key=lambda c: c.rank).complete or late(deadline):
-            break
-        found.append(_finished(task, backend, steps, finalist, deadline, search))
-    best = min(found, key=lambda candidate: candidate.rank)
-    tell(steps, best)
-    still = window.exact_ends(task.flown(rest_guess(task.position), steps).decision)
-    if not best.complete and search.rounds != 0:
-        found.append(_hopped(task, backend, best, [still, *(x for _, x, _ in tried)], deadline, search, tell))
-    found.append(candidate_of(task, steps, judge(window, still), "rest"))
-    return sorted(found, key=lambda candidate: candidate.rank)
 
+    def evaluate(self, ocp: OCP, x: FloatArray) -> SCPResult:
+        """Return what a motion is worth as it stands."""
+        return evaluate(ocp, x)
 
-def _finished(
-    task: Task,
-    backend: Backend,
-    steps: int,
-    finalist: tuple[Guess, FloatArray, Refined],
-    deadline: float | None,
-    search: Search,
-) -> Candidate:
-    """Refine a finalist from where the coarse stages left it, then once more from the start."""
-    guess, x, coarse = finalist
-    window = task.window(steps)
-    exact = search.exact_cones
-    refined = partial(refine, window, backend=backend, deadline=deadline, exact_cones=exact)
-    fine = refined(x=coarse.x, sharpness=SHARPNESS[2:], iterations=8, region=0.5)
-    first = candidate_of(task, steps, fine, guess.kind)
-    if first.complete or first.cost > _HOPELESS * length_scale(window) or late(deadline):
-        return first
-    again = refined(x=x)
-    return min(first, candidate_of(task, steps, again, guess.kind), key=lambda candidate: candidate.rank)
+    def _bounded(self, deadline: float | None, effort_s: float) -> float:
+        """Return the deadline, or without one, that of so much effort [s]."""
+        return Effort(self._meter, self._meter.spent_s + effort_s) if deadline is None else deadline
 
-
-def _hopped(
-    task: Task,
-    backend: Backend,
-    best: Candidate,
-    guesses: list[FloatArray],
-    deadline: float | None,
-    search: Search,
-    tell: Told,
-) -> Candidate:
-    """Leave the local minimum that the best plan is in."""
-    steps = best.plan.steps
-    window = task.window(steps)
-    if best.refined is None:
-        return best
-    exact = search.exact_cones
-    pushed = kicked(window, best.refined, backend, deadline=deadline, exact_cones=exact)
-    found = hopped(
-        window,
-        pushed,
-        backend,
-        rounds=search.rounds,
-        guesses=guesses,
-        seed=search.seed,
-        deadline=deadline,
-        exact_cones=exact,
-        told=lambda refined: tell(steps, candidate_of(task, steps, refined, best.kind)),
-    )
-    return candidate_of(task, steps, found, best.kind)
-
-
-def _nobody(steps: int, candidate: Candidate) -> None:
-    """Hear nothing."""
-    del steps, candidate
-
-
-def starts(task: Task, search: Search) -> Iterator[Guess]:
-    """Yield guesses: the systematic ones in the order of their promise, then random relatives without end."""
-    if not (task.weight > 0.0).any():
-        yield rest_guess(task.position)
-        return
-    sweeps = sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period)
-    few = task.cell.shape[0] <= _TOURED  # a tour of everything is long to make and longer to fly
-    tours = [tour_guess(task.fleet, task.cell, task.weight, task.position)] if few else []
-    systematic = sorted(chain(sweeps, tours), key=lambda guess: _FIRST.index(guess.kind.split()[0]))
-    if search.kinds:
-        chosen = {guess.kind: guess for guess in systematic}
-        yield from (chosen[kind] for kind in search.kinds if kind in chosen)
-        return
-    yield from systematic
-    rng = np.random.default_rng(search.seed)
-    radius = float(task.fleet.radius[np.isfinite(task.fleet.radius)].min())
-    number = 0
-    while True:
-        number += 1
-        guess = systematic[int(rng.integers(len(systematic)))]
-        moved = [path + rng.normal(scale=_JITTER * radius, size=path.shape) for path in guess.paths]
-        inside = [np.clip(path, task.fleet.motion_min, task.fleet.motion_max) for path in moved]
-        yield replace(guess, kind=f"{guess.kind}, random {number}", paths=inside)
+    def _with_room(self, plan: Callable[..., Candidate], task: Task, deadline: float | None) -> Candidate:
+        """Plan with room to stop; where that leaves too much over, without, too: a crowd would hardly move."""
+        if task.fleet.reaction == 0.0:
+            return plan(task, deadline=deadline)
+        roomy = plan(task, deadline=part_of(deadline, _CROWDED if self._crowded else _ROOMY))
+        left, owed = np.count_nonzero(task.owed_after(roomy.plan)), np.count_nonzero(task.weight)
+        self._crowded = not roomy.feasible or bool(left > _WORTH * owed)
+        if not self._crowded or late(deadline):
+            return roomy
+        dense = plan(replace(task, fleet=replace(task.fleet, reaction=0.0)), deadline=deadline)
+        flown = dense.plan
+        exposed = braking_violation(flown.position, flown.velocity, flown.period, task.fleet)
+        return min(roomy, replace(dense, braking_violation=exposed), key=lambda candidate: candidate.rank)

@@ -24,7 +24,7 @@ from mpc_cover.coverage.majoriser import build_majoriser
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.constraints.rows import Rows
-    from mpc_cover.planning.window import Requirements, Settings, Window
+    from mpc_cover.planning.ocp import OCP, Requirements, Settings
 
 
 @dataclass(eq=False)
@@ -53,15 +53,13 @@ class Reference:
         return float(self.problem().solve(solver=solver, **options))
 
 
-def build_reference(
-    window: Window, settings: Settings, required: Requirements, x: FloatArray, radius: float
-) -> Reference:
+def build_reference(ocp: OCP, settings: Settings, required: Requirements, x: FloatArray, radius: float) -> Reference:
     """Write down the convex subproblem around the decision vector `x`; arguments as in `build_subproblem`."""
-    bar_q, bar_v = window.motion(x)
-    shape = window.fleet.start.shape
-    force = [cp.Variable(shape) for _ in range(window.steps)]
+    bar_q, bar_v = ocp.motion(x)
+    shape = ocp.fleet.start.shape
+    force = [cp.Variable(shape) for _ in range(ocp.steps)]
     position, velocity = [cp.Variable(shape)], [cp.Variable(shape)]
-    step = window.period
+    step = ocp.period
     constraints: list[Any] = []
     for u in force:
         q, v = cp.Variable(shape), cp.Variable(shape)
@@ -69,41 +67,39 @@ def build_reference(
         position.append(q)
         velocity.append(v)
     found = Reference(position, velocity, force, [], constraints)
-    _add_limits(found, window, settings, bar_v)
-    _add_bounds(found, window, bar_q, radius)
-    _add_coverage(found, window, settings, bar_q, radius)
-    _add_pairs(found, window, settings, required, (bar_q, bar_v), radius)
+    _add_limits(found, ocp, settings, bar_v)
+    _add_bounds(found, ocp, bar_q, radius)
+    _add_coverage(found, ocp, settings, bar_q, radius)
+    _add_pairs(found, ocp, settings, required, (bar_q, bar_v), radius)
     for bar, now in ((bar_q, position), (bar_v, velocity)):
-        change = cp.vstack([now[n] - bar[n] for n in range(window.steps + 1)])
+        change = cp.vstack([now[n] - bar[n] for n in range(ocp.steps + 1)])
         found.terms.append(0.5 * settings.proximal * cp.sum_squares(change))
     return found
 
 
-def _add_limits(found: Reference, window: Window, settings: Settings, bar_v: FloatArray) -> None:
+def _add_limits(found: Reference, ocp: OCP, settings: Settings, bar_v: FloatArray) -> None:
     """Add polytopes inside the discs of speed and input (4.13, 4.14)."""
-    facets = inscribed(window.fleet.dimension, settings.sides)
+    facets = inscribed(ocp.fleet.dimension, settings.sides)
     share = settings.margins.limit_share * (1.0 if settings.exact_cones else facets.shrink)
-    for i in range(window.fleet.size):
+    for i in range(ocp.fleet.size):
         if settings.exact_cones:
-            found.constraints += [
-                cp.norm(v[i]) <= share * window.fleet.speed_max[i] for v in found.velocity[window.first :]
-            ]
-            found.constraints += [cp.norm(u[i]) <= share * window.fleet.input_max[i] for u in found.force]
+            found.constraints += [cp.norm(v[i]) <= share * ocp.fleet.speed_max[i] for v in found.velocity[ocp.first :]]
+            found.constraints += [cp.norm(u[i]) <= share * ocp.fleet.input_max[i] for u in found.force]
             continue
-        for n in range(window.first, window.steps + 1):
+        for n in range(ocp.first, ocp.steps + 1):
             speed = turned_normals(facets, bar_v[n])[i]
-            found.constraints.append(cp.abs(speed @ found.velocity[n][i]) <= share * window.fleet.speed_max[i])
+            found.constraints.append(cp.abs(speed @ found.velocity[n][i]) <= share * ocp.fleet.speed_max[i])
         for n, u in enumerate(found.force):
             force = turned_normals(facets, bar_v[n + 1] - bar_v[n])[i]
-            found.constraints.append(cp.abs(force @ u[i]) <= share * window.fleet.input_max[i])
+            found.constraints.append(cp.abs(force @ u[i]) <= share * ocp.fleet.input_max[i])
 
 
-def _add_bounds(found: Reference, window: Window, bar_q: FloatArray, radius: float) -> None:
+def _add_bounds(found: Reference, ocp: OCP, bar_q: FloatArray, radius: float) -> None:
     """Add the motion box (4.15, 4.16), the trust region and the end (4.17)."""
-    fleet, ends = window.fleet, window.ends
-    between = (fleet.input_max * window.period**2 / 8.0)[:, None]  # what a path may leave its chord by
-    given = {0: ends.start_position, window.steps: ends.end_position}
-    for n in range(window.steps + 1):
+    fleet, ends = ocp.fleet, ocp.ends
+    between = (fleet.input_max * ocp.period**2 / 8.0)[:, None]  # what a path may leave its chord by
+    given = {0: ends.start_position, ocp.steps: ends.end_position}
+    for n in range(ocp.steps + 1):
         if given.get(n) is not None:
             found.constraints.append(found.position[n] == given[n])
             continue
@@ -112,19 +108,19 @@ def _add_bounds(found: Reference, window: Window, bar_q: FloatArray, radius: flo
         found.constraints += [found.position[n] >= lower, found.position[n] <= upper]
     for i in fleet.lost:
         found.constraints += [q[i] == bar_q[0, i] for q in found.position]
-    for n, velocity in ((0, ends.start_velocity), (window.steps, ends.end_velocity)):
+    for n, velocity in ((0, ends.start_velocity), (ocp.steps, ends.end_velocity)):
         if velocity is not None:
             found.constraints.append(found.velocity[n] == velocity)
     if ends.closed:
         found.constraints += [found.position[-1] == found.position[0], found.velocity[-1] == found.velocity[0]]
 
 
-def _add_coverage(found: Reference, window: Window, settings: Settings, bar_q: FloatArray, radius: float) -> None:
+def _add_coverage(found: Reference, ocp: OCP, settings: Settings, bar_q: FloatArray, radius: float) -> None:
     """Add sum gamma pos(level + sum slope . (q - qbar)), and the curvature of the terms above zero."""
-    majoriser = build_majoriser(bar_q, window.cell, window.fleet.radius, window.weight, settings.softness, window.looks)
-    agents, dimension = window.fleet.start.shape
+    majoriser = build_majoriser(bar_q, ocp.cell, ocp.fleet.radius, ocp.weight, settings.softness, ocp.looks)
+    agents, dimension = ocp.fleet.start.shape
     reach = radius * np.sqrt(dimension)
-    moved = cp.vec(cp.vstack([found.position[n] - bar_q[n] for n in range(window.steps + 1)]), order="C")
+    moved = cp.vec(cp.vstack([found.position[n] - bar_q[n] for n in range(ocp.steps + 1)]), order="C")
     terms, count = majoriser.sample.shape
     row = np.repeat(np.arange(terms), count * dimension)
     column = (majoriser.sample[:, :, None] * dimension + np.arange(dimension)).ravel()
@@ -135,38 +131,38 @@ def _add_coverage(found: Reference, window: Window, settings: Settings, bar_q: F
         found.terms.append(majoriser.weight[far] @ (majoriser.level[far] + slope[far] @ moved))
     if near.size:
         found.terms.append(majoriser.weight[near] @ cp.pos(majoriser.level[near] + slope[near] @ moved))
-    blocks = majoriser.curvature(majoriser.level > 0.0, (window.steps + 1) * agents)
+    blocks = majoriser.curvature(majoriser.level > 0.0, (ocp.steps + 1) * agents)
     found.terms.append(0.5 * cp.quad_form(moved, cp.psd_wrap(sp.block_diag(list(blocks), format="csc"))))
 
 
 def _add_pairs(
     found: Reference,
-    window: Window,
+    ocp: OCP,
     settings: Settings,
     required: Requirements,
     motion: tuple[FloatArray, FloatArray],
     radius: float,
 ) -> None:
     """Add separation and connectivity with elastic half-spaces (4.18, 4.20)."""
-    fleet, layout = window.fleet, Layout(window.steps, *window.fleet.start.shape)
+    fleet, layout = ocp.fleet, Layout(ocp.steps, *ocp.fleet.start.shape)
     if fleet.size == 1:
         return
-    pairs = pair_distances(*motion, window.period)
+    pairs = pair_distances(*motion, ocp.period)
     one, two = all_pairs(fleet.size)
-    between = (fleet.input_max[one] + fleet.input_max[two]) * window.period**2 / 8.0
+    between = (fleet.input_max[one] + fleet.input_max[two]) * ocp.period**2 / 8.0
     reach = 2.0 * radius * float(np.sqrt(layout.dimension))
     if fleet.separation_min > 0.0:
-        rows = collision_rows(layout, pairs, required.separation, between, reach, window.first)
+        rows = collision_rows(layout, pairs, required.separation, between, reach, ocp.first)
         _add_elastic(found, rows, settings.penalty)
     if np.isfinite(fleet.communication_range) and settings.exact_cones:
-        cones = edge_cones(layout, pairs, required.range, 0.5 * float(between.max()), reach, fleet, window.first)
+        cones = edge_cones(layout, pairs, required.range, 0.5 * float(between.max()), reach, fleet, ocp.first)
         for bound, plus, minus in zip(cones.bound, cones.plus, cones.minus, strict=True):
             (n, i), (_, j) = (divmod(int(c) // layout.dimension, layout.agents) for c in (plus, minus))
             found.terms.append(settings.penalty * cp.pos(cp.norm(found.position[n][i] - found.position[n][j]) - bound))
     elif np.isfinite(fleet.communication_range):
         facets = inscribed(layout.dimension, settings.edge_sides)
         slack = 0.5 * float(between.max())
-        rows = connectivity_rows(layout, pairs, required.range, slack, reach, facets, fleet=fleet, first=window.first)
+        rows = connectivity_rows(layout, pairs, required.range, slack, reach, facets, fleet=fleet, first=ocp.first)
         _add_elastic(found, rows, settings.penalty)
 
 

@@ -13,16 +13,16 @@ import numpy as np
 import scipy.sparse as sp
 
 from mpc_cover.constraints.boundary import bound_rows
+from mpc_cover.constraints.box_overshoot import box_overshoot_rows
 from mpc_cover.constraints.collision import collision_rows
 from mpc_cover.constraints.cones import Cones, edge_cones, input_cones, speed_cones, stack_cones
 from mpc_cover.constraints.connectivity import connectivity_rows
 from mpc_cover.constraints.dynamics import dynamics_rows
 from mpc_cover.constraints.facets import inscribed
 from mpc_cover.constraints.limits import input_rows, speed_rows
-from mpc_cover.constraints.overrun import overrun_rows
 from mpc_cover.constraints.pairs import all_pairs, pair_distances
+from mpc_cover.constraints.passive_safety import braking_encounters, passive_safety_rows, stop_instants
 from mpc_cover.constraints.rows import Layout, Rows, stack
-from mpc_cover.constraints.stopping import moments, stopping_rows, stops
 from mpc_cover.coverage.majoriser import build_majoriser
 from solvers.nlp import ConvexModel
 from solvers.qp import QP, SecondOrderCones
@@ -30,7 +30,7 @@ from solvers.qp import QP, SecondOrderCones
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.coverage.majoriser import Majoriser
-    from mpc_cover.planning.window import Requirements, Settings, Window
+    from mpc_cover.planning.ocp import OCP, Requirements, Settings
 
 _NEGLIGIBLE = 1e-6
 """Samples with a smaller share in a soft minimum are left out of its row: they only fill the factors."""
@@ -85,22 +85,22 @@ def coverage_terms(layout: Layout, position: FloatArray, majoriser: Majoriser, r
     return Terms(linear, curvature, rows, majoriser.weight[near], np.maximum(majoriser.level[near], 0.0))
 
 
-def motion_rows(window: Window, settings: Settings, layout: Layout, velocity: FloatArray) -> list[Rows]:
+def motion_rows(ocp: OCP, settings: Settings, layout: Layout, velocity: FloatArray) -> list[Rows]:
     """Return the hard rows that every iterate satisfies: dynamics and limits."""
-    dynamics = dynamics_rows(layout, window.period)
+    dynamics = dynamics_rows(layout, ocp.period)
     if settings.exact_cones:
         return [dynamics]
     facets = inscribed(layout.dimension, settings.sides)
     shrink = settings.margins.limit_share
     return [
         dynamics,
-        speed_rows(layout, velocity, shrink * window.fleet.speed_max, facets, window.first),
-        input_rows(layout, velocity, shrink * window.fleet.input_max, window.period, facets),
+        speed_rows(layout, velocity, shrink * ocp.fleet.speed_max, facets, ocp.first),
+        input_rows(layout, velocity, shrink * ocp.fleet.input_max, ocp.period, facets),
     ]
 
 
 def pair_rows(
-    window: Window,
+    ocp: OCP,
     settings: Settings,
     required: Requirements,
     layout: Layout,
@@ -108,38 +108,38 @@ def pair_rows(
     radius: float,
 ) -> list[Rows]:
     """Return the elastic rows of separation and connectivity around a motion (positions, velocities)."""
-    fleet = window.fleet
+    fleet = ocp.fleet
     if fleet.size == 1:
         return []
-    pairs = pair_distances(*motion, window.period)
+    pairs = pair_distances(*motion, ocp.period)
     one, two = all_pairs(fleet.size)
-    between = (fleet.input_max[one] + fleet.input_max[two]) * window.period**2 / 8.0
+    between = (fleet.input_max[one] + fleet.input_max[two]) * ocp.period**2 / 8.0
     reach = 2.0 * radius * float(np.sqrt(layout.dimension))
     blocks = []
     if fleet.separation_min > 0.0:
-        blocks.append(collision_rows(layout, pairs, required.separation, between, reach, window.first))
+        blocks.append(collision_rows(layout, pairs, required.separation, between, reach, ocp.first))
     if np.isfinite(fleet.communication_range) and not settings.exact_cones:
         facets = inscribed(layout.dimension, settings.edge_sides)
         slack = 0.5 * float(between.max())
         blocks.append(
-            connectivity_rows(layout, pairs, required.range, slack, reach, facets, fleet=fleet, first=window.first)
+            connectivity_rows(layout, pairs, required.range, slack, reach, facets, fleet=fleet, first=ocp.first)
         )
     return blocks
 
 
-def stop_rows(window: Window, layout: Layout, motion: tuple[FloatArray, FloatArray], radius: float) -> list[Rows]:
+def stop_rows(ocp: OCP, layout: Layout, motion: tuple[FloatArray, FloatArray], radius: float) -> list[Rows]:
     """Return the elastic rows that leave room to stop around a motion, where the fleet asks for it."""
-    fleet, near = window.fleet, min(2.0 * radius, _NEAR)
+    fleet, near = ocp.fleet, min(2.0 * radius, _NEAR)
     if fleet.reaction == 0:
         return []
-    met = [stops(*motion, window.period, fleet, moment, near) for moment in moments(fleet.reaction)]
-    rows = [stopping_rows(layout, *motion, window.period, fleet, found) for found in met]
-    rows.append(overrun_rows(layout, *motion, fleet, near, window.first))
+    met = [braking_encounters(*motion, ocp.period, fleet, moment, near) for moment in stop_instants(fleet.reaction)]
+    rows = [passive_safety_rows(layout, *motion, ocp.period, fleet, found) for found in met]
+    rows.append(box_overshoot_rows(layout, *motion, fleet, near, ocp.first))
     return [block for block in rows if block.count]
 
 
 def motion_cones(
-    window: Window,
+    ocp: OCP,
     settings: Settings,
     required: Requirements,
     layout: Layout,
@@ -149,38 +149,34 @@ def motion_cones(
     """Return limits and edges as cones, where the settings ask for them; the edges' come last and have slacks."""
     if not settings.exact_cones:
         return []
-    fleet, shrink = window.fleet, settings.margins.limit_share
+    fleet, shrink = ocp.fleet, settings.margins.limit_share
     blocks = [
-        speed_cones(layout, shrink * fleet.speed_max, window.first),
-        input_cones(layout, shrink * fleet.input_max, window.period),
+        speed_cones(layout, shrink * fleet.speed_max, ocp.first),
+        input_cones(layout, shrink * fleet.input_max, ocp.period),
     ]
     if fleet.size > 1 and np.isfinite(fleet.communication_range):
-        pairs = pair_distances(*motion, window.period)
-        between = float(fleet.input_max.max()) * window.period**2 / 8.0
+        pairs = pair_distances(*motion, ocp.period)
+        between = float(fleet.input_max.max()) * ocp.period**2 / 8.0
         reach = 2.0 * radius * float(np.sqrt(layout.dimension))
-        blocks.append(edge_cones(layout, pairs, required.range, between, reach, fleet, window.first))
+        blocks.append(edge_cones(layout, pairs, required.range, between, reach, fleet, ocp.first))
     return blocks
 
 
-def build_subproblem(
-    window: Window, settings: Settings, required: Requirements, x: FloatArray, radius: float
-) -> ConvexModel:
+def build_subproblem(ocp: OCP, settings: Settings, required: Requirements, x: FloatArray, radius: float) -> ConvexModel:
     """Return the QP around the decision vector `x` with trust region `radius` [m]."""
-    layout = Layout(window.steps, *window.fleet.start.shape)
-    position, velocity = window.motion(x)
-    majoriser = build_majoriser(
-        position, window.cell, window.fleet.radius, window.weight, settings.softness, window.looks
-    )
+    layout = Layout(ocp.steps, *ocp.fleet.start.shape)
+    position, velocity = ocp.motion(x)
+    majoriser = build_majoriser(position, ocp.cell, ocp.fleet.radius, ocp.weight, settings.softness, ocp.looks)
     terms = coverage_terms(layout, position, majoriser, radius)
     # between samples a coordinate leaves its chord by at most u T_s^2 / 8
-    between = (window.fleet.input_max * window.period**2 / 8.0)[:, None]
-    box = (window.fleet.motion_min + between, window.fleet.motion_max - between)
-    hard = motion_rows(window, settings, layout, velocity)
-    hard += bound_rows(layout, position, box, radius, window.ends, window.fleet.lost)
-    elastic = pair_rows(window, settings, required, layout, (position, velocity), radius)
-    elastic += stop_rows(window, layout, (position, velocity), radius)
+    between = (ocp.fleet.input_max * ocp.period**2 / 8.0)[:, None]
+    box = (ocp.fleet.motion_min + between, ocp.fleet.motion_max - between)
+    hard = motion_rows(ocp, settings, layout, velocity)
+    hard += bound_rows(layout, position, box, radius, ocp.ends, ocp.fleet.lost)
+    elastic = pair_rows(ocp, settings, required, layout, (position, velocity), radius)
+    elastic += stop_rows(ocp, layout, (position, velocity), radius)
     soft, slacks = _number_slacks([terms.rows, *elastic], layout.size)
-    cones = motion_cones(window, settings, required, layout, (position, velocity), radius)
+    cones = motion_cones(ocp, settings, required, layout, (position, velocity), radius)
     edge_slack, slacks = layout.size + slacks, slacks + sum(int((block.slack >= 0).sum()) for block in cones)
     matrix, lower, upper = stack([*hard, *soft, _non_negative(layout.size, slacks)], layout.size + slacks)
     slack_cost = np.concatenate([terms.slack_cost, np.full(slacks - terms.slack_cost.size, settings.penalty)])
@@ -192,7 +188,7 @@ def build_subproblem(
         exact = SecondOrderCones(*stack_cones(cones, layout.dimension, start.size, [edge_slack] * len(cones)))
         start = _with_edge_slacks(start, exact, layout.dimension)
     qp = QP(quadratic, linear, matrix, lower, upper, exact)
-    return _model(window, layout, qp, start, settings.penalty)
+    return _model(ocp, layout, qp, start, settings.penalty)
 
 
 def _with_edge_slacks(start: FloatArray, cones: SecondOrderCones, dimension: int) -> FloatArray:
@@ -263,7 +259,7 @@ def _cost(
     return quadratic, linear
 
 
-def _model(window: Window, layout: Layout, qp: QP, start: FloatArray, weight: float) -> ConvexModel:
+def _model(ocp: OCP, layout: Layout, qp: QP, start: FloatArray, weight: float) -> ConvexModel:
     def cost(point: FloatArray) -> float:
         product = qp.P @ point
         diagonal = qp.P.diagonal() * point
@@ -273,13 +269,13 @@ def _model(window: Window, layout: Layout, qp: QP, start: FloatArray, weight: fl
 
     def recover(point: FloatArray) -> FloatArray:
         start = layout.agents * layout.dimension
-        return window.exact_ends(np.concatenate([point[:start], point[layout.half : layout.size]]))
+        return ocp.exact_ends(np.concatenate([point[:start], point[layout.half : layout.size]]))
 
     def predicted(point: FloatArray) -> float:
         return here - cost(point)
 
     def length(x: FloatArray) -> float:
-        moved = window.motion(x)[0].ravel() - start[: layout.half]
+        moved = ocp.motion(x)[0].ravel() - start[: layout.half]
         return float(np.abs(moved).max())
 
     return ConvexModel(qp=qp, recover=recover, predicted=predicted, weight=weight, start=start, length=length)

@@ -10,31 +10,31 @@ import numpy as np
 from mpc_cover.constraints.boundary import Ends
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.continuation import EXPOSED, judge, merit
-from mpc_cover.planning.follow import follow
-from mpc_cover.planning.plan import Plan
-from mpc_cover.planning.window import Window
+from mpc_cover.model.trajectory import Plan
+from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
+from mpc_cover.planning.ocp import OCP
+from mpc_cover.planning.scp import BRAKING_TOLERANCE, evaluate, merit
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.mission.fleet import Fleet
-    from mpc_cover.planning.continuation import Refined
-    from mpc_cover.planning.follow import Motion
-    from mpc_cover.planning.guesses import Guess
+    from mpc_cover.planning.initial_guess.boustrophedon import Guess
+    from mpc_cover.planning.initial_guess.waypoint_tracking import Motion
+    from mpc_cover.planning.scp import SCPResult
 
 
 AT_ONCE = 3
 """Looks at a cell that fast passes bring in one lap: with four agents planning takes twice as long for each more."""
 
 
-def takes_laps(looks: IntArray | None) -> bool:
+def needs_laps(looks: IntArray | None) -> bool:
     """Return whether so many looks (J, K) are owed that plans which pass by as fast as they can need several laps."""
     return looks is not None and int(looks.max(initial=0)) > AT_ONCE
 
 
 def gentle(looks: IntArray | None) -> dict[str, Any]:
     """Return how far a QP may move samples, and how many of them share a look: those of many looks are dense."""
-    return {"region": 0.25, "count": 3} if takes_laps(looks) else {"region": 0.5}
+    return {"region": 0.25, "count": 3} if needs_laps(looks) else {"region": 0.5}
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class Task:
         speed = np.linalg.norm(self.velocity, axis=1)
         return int(np.ceil(float((speed / self.fleet.input_max).max()) / self.period)) + 2
 
-    def window(self, steps: int) -> Window:
+    def ocp(self, steps: int) -> OCP:
         """Return the stretch of `steps` samples with the ends that are asked for."""
         ends = Ends(
             start_position=None if self.start_free else self.position,
@@ -82,7 +82,7 @@ class Task:
             end_velocity=np.zeros_like(self.velocity) if self.end in {"rest", "fixed"} else None,
             closed=self.end == "closed",
         )
-        return Window(self.fleet, self.cell, self.weight, steps, self.period, ends, self.looks)
+        return OCP(self.fleet, self.cell, self.weight, steps, self.period, ends, self.looks)
 
     def owed_after(self, plan: Plan) -> FloatArray:
         """Return the weights (J, K) of what a plan's samples leave over; of several looks owed, all are to be taken."""
@@ -100,7 +100,7 @@ class Task:
             home = position if self.goal is None else self.goal
             paths = [np.concatenate([path, goal[None]]) for path, goal in zip(paths, home, strict=True)]
         stop = self.end != "free"
-        return follow(paths, position, self.velocity, self.fleet, self.period, steps=steps, stop=stop)
+        return track_waypoints(paths, position, self.velocity, self.fleet, self.period, steps=steps, stop=stop)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,20 +114,20 @@ class Candidate:
     feasible : whether it keeps all requirements.
     kind : the guess that it grew from.
     refined : how it was refined, None for a guess as it flies.
-    exposure : by how much someone comes too near to one who stops without warning [m].
+    braking_violation : by how much someone comes too near to one who stops without warning [m].
     """
 
     plan: Plan
     cost: float
     feasible: bool
     kind: str
-    refined: Refined | None = None
-    exposure: float = 0.0
+    refined: SCPResult | None = None
+    braking_violation: float = 0.0
 
     @property
     def exposed(self) -> bool:
         """Whether someone has no room to stop for one who stops without warning."""
-        return self.exposure > EXPOSED
+        return self.braking_violation > BRAKING_TOLERANCE
 
     @property
     def covers(self) -> bool:
@@ -143,26 +143,26 @@ class Candidate:
     def rank(self) -> tuple[bool, bool, bool, int, float]:
         """Feasible before covering all before room to stop before short; what leaves something, by what it leaves."""
         last = (self.exposed, self.plan.steps) if self.covers else (False, 0)
-        return not self.feasible, self.cost > 0.0, *last, merit(self.cost, self.exposure)
+        return not self.feasible, self.cost > 0.0, *last, merit(self.cost, self.braking_violation)
 
 
-def candidate_of(task: Task, steps: int, refined: Refined, kind: str) -> Candidate:
+def candidate_of(task: Task, steps: int, refined: SCPResult, kind: str) -> Candidate:
     """Return the candidate of a refined decision vector."""
-    position, velocity = task.window(steps).motion(refined.x)
+    position, velocity = task.ocp(steps).motion(refined.x)
     plan = Plan(task.start_time, task.period, position, velocity, np.diff(velocity, axis=0) / task.period)
-    return Candidate(plan, refined.cost, refined.feasible, kind, refined, refined.exposure)
+    return Candidate(plan, refined.cost, refined.feasible, kind, refined, refined.braking_violation)
 
 
 def as_flown(task: Task, guess: Guess, motion: Motion) -> Candidate:
     """Return the candidate of a guess as it flies."""
-    window = task.window(motion.steps)
-    return candidate_of(task, motion.steps, judge(window, window.exact_ends(motion.decision)), guess.kind)
+    ocp = task.ocp(motion.steps)
+    return candidate_of(task, motion.steps, evaluate(ocp, ocp.exact_ends(motion.decision)), guess.kind)
 
 
 def as_moved(task: Task, position: FloatArray, velocity: FloatArray, kind: str) -> Candidate:
     """Return the candidate of velocities (N+1, m, d) [m/s] from a (m, d) `position` [m], as they stand."""
-    window = task.window(velocity.shape[0] - 1)
-    return candidate_of(task, window.steps, judge(window, window.decision(position, velocity)), kind)
+    ocp = task.ocp(velocity.shape[0] - 1)
+    return candidate_of(task, ocp.steps, evaluate(ocp, ocp.decision(position, velocity)), kind)
 
 
 def promise(candidate: Candidate, repair: float) -> float:

@@ -9,15 +9,15 @@ import numpy as np
 
 from mpc_cover.constraints.pairs import all_pairs
 from mpc_cover.errors import UserError
-from mpc_cover.planning.guesses import rest_guess, sweep_guesses
+from mpc_cover.planning.initial_guess.boustrophedon import rest_guess, sweep_guesses
+from mpc_cover.planning.ocp import Margins, Requirements, requirements
 from mpc_cover.planning.offline import offline_task
-from mpc_cover.planning.window import Margins, Requirements, requirements
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
+    from mpc_cover.planning.ocp import OCP
     from mpc_cover.planning.task import Task
-    from mpc_cover.planning.window import Window
 
 GUESSES = ("boustrophedon", "rest")
 """What a benchmark may start from: strips of equal work, flown to and fro; or standing still."""
@@ -30,23 +30,23 @@ class Case:
     Attributes
     ----------
     mission : whose limits the verifier holds everyone to.
-    task, window : the same as the planner sees it. Peers hand over decision vectors of `window`: the
+    task, window : the same as the planner sees it. Peers hand over decision vectors of `ocp`: the
         position at sample 0 and all velocities, so that the dynamics hold exactly for everyone.
     """
 
     mission: Mission
     task: Task
-    window: Window
+    ocp: OCP
 
     def time(self) -> FloatArray:
         """Return the (N+1,) sample times [s]."""
-        return self.window.period * np.arange(self.window.steps + 1, dtype=float)
+        return self.ocp.period * np.arange(self.ocp.steps + 1, dtype=float)
 
 
 def make_case(mission: Mission) -> Case:
     """Return the problem that `mpc-cover plan` solves for this mission."""
     task = offline_task(mission)
-    return Case(mission, task, task.window(round(mission.spec.planning.duration_s / task.period)))
+    return Case(mission, task, task.ocp(round(mission.spec.planning.duration_s / task.period)))
 
 
 def start_from(case: Case, guess: str) -> FloatArray:
@@ -64,7 +64,7 @@ def start_from(case: Case, guess: str) -> FloatArray:
         chosen = next(iter(sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period)))
     else:
         raise UserError(f"--guess {guess}: is none: must be one of {', '.join(GUESSES)} or all")
-    return case.window.exact_ends(task.flown(chosen, case.window.steps).decision)
+    return case.ocp.exact_ends(task.flown(chosen, case.ocp.steps).decision)
 
 
 def asked_of_peers(case: Case) -> Requirements:
@@ -74,14 +74,14 @@ def asked_of_peers(case: Case) -> Requirements:
     finds room (a_rel T_s^2 / 8). Peers measured at the samples only, without them, gave plans that no peer's
     user could fly; with them their J hardly suffers, and most of their plans hold along the path as well.
     """
-    window, fleet = case.window, case.window.fleet
-    required = requirements(window, Margins())
+    ocp, fleet = case.ocp, case.ocp.fleet
+    required = requirements(ocp, Margins())
     if fleet.size == 1:
         return required
     one, two = all_pairs(fleet.size)
-    between = (fleet.input_max[one] + fleet.input_max[two]) * window.period**2 / 8.0
+    between = (fleet.input_max[one] + fleet.input_max[two]) * ocp.period**2 / 8.0
     separation, reach = required.separation + between, required.range - 0.5 * float(between.max())
-    for given in (window.ends.start_position, window.ends.end_position):
+    for given in (ocp.ends.start_position, ocp.ends.end_position):
         if given is not None:  # no peer is asked for more room than it is given
             here = np.linalg.norm(given[one] - given[two], axis=1)
             separation = np.maximum(required.separation, np.minimum(separation, here))

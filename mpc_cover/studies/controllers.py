@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mpc_cover.control.control_law import make_control_law
 from mpc_cover.errors import UserError
-from mpc_cover.service.brain import make_brain
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from mpc_cover.control.control_law import ControlLaw
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.brain import Brain
 
 
 @dataclass(frozen=True)
@@ -25,26 +25,26 @@ class Controller:
     plans_ahead : whether horizon and back-end matter to it; if not, it flies once for all of them.
     """
 
-    make: Callable[[Mission, str, int], Brain]
+    make: Callable[[Mission, str, int], ControlLaw]
     plans_ahead: bool = False
 
 
-def _sweep(mission: Mission, backend: str, seed: int) -> Brain:  # noqa: ARG001 - as all are made
-    from mpc_cover.studies.sweep import SweepBrain  # noqa: PLC0415 - each controller brings its own imports
+def _sweep(mission: Mission, backend: str, seed: int) -> ControlLaw:  # noqa: ARG001 - as all are made
+    from mpc_cover.studies.sweep import SweepLaw  # noqa: PLC0415 - each controller brings its own imports
 
-    brain: Brain = SweepBrain(mission)
-    return brain
+    law: ControlLaw = SweepLaw(mission)
+    return law
 
 
-def _potential(mission: Mission, backend: str, seed: int) -> Brain:  # noqa: ARG001 - as all are made
-    from mpc_cover.studies.potential_flight import PotentialBrain  # noqa: PLC0415 - likewise
+def _potential(mission: Mission, backend: str, seed: int) -> ControlLaw:  # noqa: ARG001 - as all are made
+    from mpc_cover.studies.potential_flight import PotentialFleetLaw  # noqa: PLC0415 - likewise
 
-    brain: Brain = PotentialBrain(mission, seed)
-    return brain
+    law: ControlLaw = PotentialFleetLaw(mission, seed)
+    return law
 
 
 CONTROLLERS = {
-    "mpc": Controller(make_brain, plans_ahead=True),
+    "mpc": Controller(make_control_law, plans_ahead=True),
     "sweep": Controller(_sweep),
     "potential": Controller(_potential),
 }

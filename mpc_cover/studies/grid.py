@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 from mpc_cover.errors import UserError
 from mpc_cover.mission.config import Disturbance
 from mpc_cover.mission.load import load_mission
-from mpc_cover.service.fingerprint import mission_hash
+from mpc_cover.service.protocol.fingerprint import mission_hash
 from mpc_cover.studies.controllers import controller_of
 from mpc_cover.studies.measure import BACKEND
 from mpc_cover.studies.runs import Run

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from mpc_cover.studies.crew import Crew
+    from mpc_cover.studies.executors import Executor
     from mpc_cover.studies.grid import Grid
     from mpc_cover.studies.measure import Fly
     from mpc_cover.studies.runs import Run
@@ -69,7 +69,7 @@ class StudyResult:
 def run_study(
     grid: Grid,
     out: Path,
-    crew: Crew,
+    crew: Executor,
     console: Console,
     *,
     command: str,
@@ -116,7 +116,7 @@ def _announce(console: Console, remarks: Sequence[str], folder: StudyFolder, wan
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
-def _fly(crew: Crew, runs: Sequence[Run], folder: StudyFolder, console: Console, fly: Fly) -> bool:
+def _fly(crew: Executor, runs: Sequence[Run], folder: StudyFolder, console: Console, fly: Fly) -> bool:
     """Fly and keep; return whether Ctrl-C put an end to it."""
     if not runs:
         return False

@@ -1,6 +1,6 @@
 """`mpc-cover study laws`: the receding horizon and the potential law on equal dynamics, starts and seeds.
 
-The law is flown as it is meant: each agent by itself, on what it hears from those in range (`service.swarm_agent`).
+The law is flown as it is meant: each agent by itself, on what it hears from those in range (`service.swarm.agent`).
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from mpc_cover.control.potential_setup import check_flyable
+from mpc_cover.distributed.setup import check_flyable
 from mpc_cover.errors import UserError
 from mpc_cover.mission.load import load_mission
-from mpc_cover.service.simulate import simulate
-from mpc_cover.service.swarm_simulate import fly_swarm
+from mpc_cover.service.run.simulate import simulate
+from mpc_cover.service.run.swarm_simulate import fly_swarm
 from mpc_cover.studies.starts import random_starts
 from mpc_cover.studies.thesis_study import in_parallel
 from mpc_cover.verification.check import check_trajectory
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from mpc_cover.mission.load import Mission
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
 
 LAWS = {"mpc": "receding horizon", "potential": "potential law"}
 _TRAFFIC = ("state", "plan", "word")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.coverage.objective import coverage_cost
-from mpc_cover.service.simulate import simulate
+from mpc_cover.service.run.simulate import simulate
 from mpc_cover.studies.controllers import controller_of
 from mpc_cover.studies.record import LEVELS, Record, versions
 from mpc_cover.verification.check import check_trajectory
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.simulate import Simulation
+    from mpc_cover.service.run.simulate import Simulation
     from mpc_cover.studies.runs import Run
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
 
     Fly = Callable[[Run], Record]
 
@@ -34,8 +34,8 @@ def fly(run: Run) -> Record:
     begun = time.perf_counter()
     try:
         mission = run.build()
-        brain = controller_of(run.controller).make(mission, run.backend or BACKEND, run.seed)
-        result = simulate(mission, backend=run.backend or BACKEND, seed=run.seed, brain=brain)
+        law = controller_of(run.controller).make(mission, run.backend or BACKEND, run.seed)
+        result = simulate(mission, backend=run.backend or BACKEND, seed=run.seed, law=law)
         found = measured(mission, result)
     except Exception as error:  # noqa: BLE001 - it is reported with the others
         return failed(run, error, time.perf_counter() - begun)
@@ -104,7 +104,7 @@ def _steps(result: Simulation, period_s: float) -> dict[str, Any]:
     """Return how long the steps took, and how many stood on a lower rung."""
     steps = [step for step in result.steps if step.kind == "step"]
     taken = 1e3 * np.array([step.tick_time_s for step in steps])
-    rungs = [step.rung for step in steps]
+    rungs = [step.plan_source for step in steps]
     found: dict[str, Any] = {
         "steps": len(steps),
         "misses": int((taken > 1e3 * period_s).sum()),

@@ -6,24 +6,26 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mpc_cover.control.fallback import Rung
+from mpc_cover.model.fallback_motion import PlanSource
 
 if TYPE_CHECKING:
-    from mpc_cover.planning.plan import Plan
+    from mpc_cover.model.trajectory import Plan
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What a step came out with; see `service.brain.StepOutcome`."""
+    """What a step came out with; see `control.control_law.StepOutcome`."""
 
     plan: Plan
-    rung: Rung
+    plan_source: PlanSource
     reason: str
     computing_time_s: float
     deadline_missed: bool
 
 
-def stepped(begun: float, deadline: float | None, plan: Plan, reason: str, rung: Rung = Rung.NEW) -> Step:
+def stepped(
+    begun: float, deadline: float | None, plan: Plan, reason: str, plan_source: PlanSource = PlanSource.NEW
+) -> Step:
     """Return the step that began at `begun` on `time.perf_counter`, as `deadline` is."""
     now = time.perf_counter()
-    return Step(plan, rung, reason, now - begun, deadline is not None and now > deadline)
+    return Step(plan, plan_source, reason, now - begun, deadline is not None and now > deadline)

@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mpc_cover.control.control_law import require_double
 from mpc_cover.errors import UnreadableFileError, UserError
 from mpc_cover.mission.load import load_mission
 from mpc_cover.planning.offline import PlanOptions, plan_mission
-from mpc_cover.service.brain import require_double
-from mpc_cover.trajectory import save_trajectory
+from mpc_cover.trajectory_file import save_trajectory
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.summary import RunSummary, summarise
 

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.control.escape import Escape
-from mpc_cover.control.fallback import Rung, brake, brake_plan, plan_from_velocities
-from mpc_cover.control.potential import CoverageShape, coordination_of
-from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw, random_signal
-from mpc_cover.control.readiness import tightened
+from mpc_cover.distributed.potential_functions import CoverageShape, coordination_of
+from mpc_cover.distributed.potential_law import Bounds, LawParameters, PotentialLaw, random_signal
+from mpc_cover.distributed.stall_escape import StallEscape
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
+from mpc_cover.model.constraint_tightening import tightened
+from mpc_cover.model.fallback_motion import PlanSource, brake, brake_plan, plan_from_velocities
 from mpc_cover.studies.outcome import Step, stepped
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ _PATIENCE_S = 5.0
 """Time without a newly covered cell after which one cell counts only."""
 
 
-class PotentialBrain:
+class PotentialFleetLaw:
     """The law with the escape of lemma 6.2.1; deterministic for a seed.
 
     Parameters
@@ -55,7 +55,7 @@ class PotentialBrain:
         order = self._rng.permutation(mission.field.size)
         patience = max(2.0, _PATIENCE_S / self._period)
         self._able = fleet.speed_max
-        self._escapes = [Escape(order, patience) for _ in fleet.ids]
+        self._escapes = [StallEscape(order, patience) for _ in fleet.ids]
         try:
             self._law = _law_of(fleet, mission.field.cell, self._period)
         except ValueError as error:
@@ -70,7 +70,7 @@ class PotentialBrain:
         begun = time.perf_counter()
         if self.coverage.complete:
             stop = brake_plan(position, velocity, self._fleet, start_time, self._period, 1)
-            return stepped(begun, deadline, stop, "all is covered", Rung.REST)
+            return stepped(begun, deadline, stop, "all is covered", PlanSource.REST)
         kept = self._law.kept_edges(position, velocity)
         for one, two in self._fleet.links:
             kept[one, two] = kept[two, one] = True

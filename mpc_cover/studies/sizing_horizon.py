@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.mission.load import build_mission
-from mpc_cover.service.simulate import simulate
+from mpc_cover.service.run.simulate import simulate
 from mpc_cover.studies.fleet_sizing import SizingProblem, covered_fraction, measurement_rate, model_error
 from mpc_cover.studies.sizing_simulation import CoverageCurve, scenario_of
 

@@ -26,14 +26,17 @@ PLACES = {
     "nearest samples": ("coverage.majoriser:nearest_samples", "coverage.objective:nearest_samples"),
     "majoriser": ("planning.subproblem:build_majoriser", "planning.subproblem:coverage_terms"),
     "rows": ("planning.subproblem:motion_rows", "planning.subproblem:bound_rows", "planning.subproblem:pair_rows"),
-    "stacking": ("planning.problem:build_subproblem",),
+    "stacking": ("planning.coverage_nlp:build_subproblem",),
     "QP set-up": ("solvers.backends.base:Backend.load",),
     "QP solve": ("solvers.backends.base:Backend.warm_start", "solvers.backends.base:Backend.solve"),
-    "measuring": ("planning.problem:CoverageProblem.measure", "planning.continuation:coverage_cost"),
-    "verification": ("control.easing:verify_motion", "control.easing:Bounds.keeps_mixed"),
+    "measuring": ("planning.coverage_nlp:CoverageNLP.measure", "planning.scp:coverage_cost"),
+    "verification": (
+        "control.constraint_relaxation:verify_motion",
+        "control.constraint_relaxation:MotionBounds.keeps_mixed",
+    ),
     "splicing": (
         "control.receding_horizon:spliced",
-        "control.ladder:Ladder.best",
+        "control.fallback_policy:FallbackPolicy.best",
         "control.receding_horizon:RecedingHorizon._left_by",
     ),
 }
@@ -85,14 +88,14 @@ def profile_steps(
     UserError
         For an unknown back-end.
     """
-    brain, watch = RecedingHorizon(mission, backend=backend), Stopwatch()
+    law, watch = RecedingHorizon(mission, backend=backend), Stopwatch()
     with ExitStack() as stack:
         for name, places in PLACES.items():
             for place in places:
                 owner, attribute = _owner(place)
                 function = getattr(owner, attribute)
                 stack.enter_context(patched(owner, attribute, watch.timed(name, function)))
-        steps = _fly(mission, brain, watch, told)
+        steps = _fly(mission, law, watch, told)
     parts = {name: np.array([step.get(name, 0.0) for step in steps]) for name in [*PLACES, "the rest", "step"]}
     whole = max(float(parts["step"].sum()), 1e-12)
     return {
@@ -102,25 +105,25 @@ def profile_steps(
 
 
 def _fly(
-    mission: Mission, brain: RecedingHorizon, watch: Stopwatch, told: Callable[[float], None]
+    mission: Mission, law: RecedingHorizon, watch: Stopwatch, told: Callable[[float], None]
 ) -> list[dict[str, float]]:
     """Fly what the controller plans, exactly, until everything is covered; return the accounts of each step."""
     period, state_period = mission.spec.control.period_s, mission.spec.control.state_period_s
     position, velocity = mission.fleet.start, np.zeros_like(mission.fleet.start)
-    brain.coverage.observe(0.0, position)
-    plan = brain.prepare(position, velocity, 0.0, deadline=None).plan
+    law.coverage.observe(0.0, position)
+    plan = law.prepare(position, velocity, 0.0, deadline=None).plan
     steps: list[dict[str, float]] = []
     for k in range(_LONGEST):
         now, then = k * period, (k + 1) * period
         for instant in np.append(np.arange(now + state_period, then - 1e-9, state_period), then):
-            brain.coverage.observe(float(instant), plan.state_at(float(instant))[0])
-        told(brain.coverage.fraction)
-        if brain.coverage.complete and steps:
+            law.coverage.observe(float(instant), plan.state_at(float(instant))[0])
+        told(law.coverage.fraction)
+        if law.coverage.complete and steps:
             break
         position, velocity = plan.state_at(then)
         watch.reset()
         begun = time.perf_counter()
-        plan = brain.step(position, velocity, then, deadline=None).plan
+        plan = law.step(position, velocity, then, deadline=None).plan
         whole = time.perf_counter() - begun
         spent = watch.reset()
         steps.append({**spent, "the rest": whole - sum(spent.values()), "step": whole})

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.control.escape import Escape
-from mpc_cover.control.potential import coordination_of
-from mpc_cover.control.potential_law import Bounds, PotentialLaw, random_signal
+from mpc_cover.distributed.potential_functions import coordination_of
+from mpc_cover.distributed.potential_law import Bounds, PotentialLaw, random_signal
+from mpc_cover.distributed.stall_escape import StallEscape
 from mpc_cover.information.ageing import AgeingMap
 from mpc_cover.studies.swarm_knowledge import Knowledge
 from mpc_cover.studies.swarm_record import MapRecord, SwarmRecord
@@ -73,7 +73,7 @@ class _Motion:
         self._signal = np.random.default_rng([seed, 3])
         order = np.random.default_rng([seed, 4]).permutation(field.size)
         patience = parameters.patience_s / parameters.period_s
-        self._escape = [Escape(order, patience) for _ in fleet.ids]
+        self._escape = [StallEscape(order, patience) for _ in fleet.ids]
         self._connected = np.isfinite(fleet.communication_range)
         self._value, self._links = field.weight, fleet.links
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
-from mpc_cover.control.potential_setup import coordination_for, law_of, law_parameters
+from mpc_cover.distributed.setup import coordination_for, law_of, law_parameters
 from mpc_cover.errors import UserError
 from mpc_cover.mission import information as kinds
 from mpc_cover.studies.starts import random_starts

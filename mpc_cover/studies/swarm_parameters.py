@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mpc_cover.control.potential_law import LawParameters
+from mpc_cover.distributed.potential_law import LawParameters
 from mpc_cover.mission.config import Area, BoxShape
 from mpc_cover.mission.field import Field, build_field
 from mpc_cover.mission.fleet import Fleet
@@ -63,7 +63,7 @@ class SwarmParameters:
     dynamics : single integrators (5.1), or double integrators within the fleet's u_max and v_max (3.1).
     period_s : T_s.
     repel_within_m, attract_beyond_m : R_B and R_C; left out, 2 rho_B and 8/11 rho_C of the fleet, as in 6.3.
-    patience_s : time without news after which an agent attends to one cell (`control.escape`).
+    patience_s : time without news after which an agent attends to one cell (`distributed.stall_escape`).
     time_limit_s : when to give up.
     maps_every : samples between recorded maps; 0 records none.
     """

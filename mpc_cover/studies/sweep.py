@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.control.fallback import Rung, brake_plan, plan_from_velocities
-from mpc_cover.control.readiness import tightened
 from mpc_cover.information.build import make_map
-from mpc_cover.planning.follow import follow
-from mpc_cover.planning.lanes import cut_lanes, snake, swath_of
+from mpc_cover.model.constraint_tightening import tightened
+from mpc_cover.model.fallback_motion import PlanSource, brake_plan, plan_from_velocities
+from mpc_cover.planning.initial_guess.lanes import cut_lanes, snake, swath_of
+from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 from mpc_cover.studies.outcome import Step, stepped
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Strip:
     own: BoolArray
 
 
-class SweepBrain:
+class SweepLaw:
     """The partition as a brain of the service; deterministic.
 
     Parameters
@@ -87,9 +87,9 @@ class SweepBrain:
     ) -> Step:
         if self.coverage.complete:
             stop = brake_plan(position, velocity, self._fleet, start_time, self._period, self._steps)
-            return stepped(begun, deadline, stop, "all is covered", Rung.REST)
+            return stepped(begun, deadline, stop, "all is covered", PlanSource.REST)
         paths = [self._ahead(agent, position[agent], velocity[agent]) for agent in range(len(position))]
-        motion = follow(paths, position, velocity, self._fleet, self._period, steps=self._steps)
+        motion = track_waypoints(paths, position, velocity, self._fleet, self._period, steps=self._steps)
         plan = plan_from_velocities(position, velocity, motion.velocity[1:], start_time, self._period)
         return stepped(begun, deadline, plan, "sweeps")
 
@@ -110,7 +110,7 @@ class SweepBrain:
     def _flight(self, strips: list[Strip], position: FloatArray, velocity: FloatArray) -> int:
         """Return how many steps it takes all to fly their lanes."""
         paths = [strip.path for strip in strips]
-        return follow(paths, position, velocity, self._fleet, self._period).steps
+        return track_waypoints(paths, position, velocity, self._fleet, self._period).steps
 
     def _cut(self, position: FloatArray, axis: int) -> list[Strip]:
         """Return a strip along `axis` for each agent; agents of unlike abilities share out what each can measure."""

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from mpc_cover.mission.load import load_mission
-from mpc_cover.service.fingerprint import mission_hash
+from mpc_cover.service.protocol.fingerprint import mission_hash
 from mpc_cover.studies.swarm_mission import fly_mission
 from mpc_cover.studies.thesis_parts import problems_of
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mpc_cover.constraints.pairs import all_pairs, linked_pairs
 from mpc_cover.coverage.nearest import nearest_samples
-from mpc_cover.trajectory import Trajectory
+from mpc_cover.trajectory_file import Trajectory
 from mpc_cover.verification.connectivity import bottleneck
 from mpc_cover.verification.ends import check_plan_ends
 from mpc_cover.verification.motion import verify_motion
@@ -70,7 +70,7 @@ def judge(case: Case, x: FloatArray) -> Verdict:
     """Judge a decision vector; one with numbers that are not finite violates everything infinitely."""
     if not np.isfinite(x).all():
         return Verdict(np.inf, 0.0, np.inf, np.inf, None, None, "numbers: not finite")
-    position, velocity = case.window.motion(x)
+    position, velocity = case.ocp.motion(x)
     checks = _checks(case, position, velocity)
     cost, covered = _coverage(case, position)
     apart, others = _slack_at_samples(case, position)
@@ -89,9 +89,9 @@ def judge(case: Case, x: FloatArray) -> Verdict:
 
 def _checks(case: Case, position: FloatArray, velocity: FloatArray) -> list[Check]:
     """Return what the verifier says of a motion (N+1, m, d), the ends that the mission asks for included."""
-    mission, ends = case.mission, case.window.ends
+    mission, ends = case.mission, case.ocp.ends
     given = ends.start_position is not None and ends.start_velocity is not None
-    force = np.diff(velocity, axis=0) / case.window.period
+    force = np.diff(velocity, axis=0) / case.ocp.period
     report = verify_motion(
         mission.fleet,
         case.time(),
@@ -110,12 +110,12 @@ def _checks(case: Case, position: FloatArray, velocity: FloatArray) -> list[Chec
 
 def _coverage(case: Case, position: FloatArray) -> tuple[float, float]:
     """Return J (4.34) [m], and the percentage of cells with a positive weight that are covered."""
-    window = case.window
-    nearest = nearest_samples(position, window.cell, window.fleet.radius, window.weight, 1, window.looks)
+    ocp = case.ocp
+    nearest = nearest_samples(position, ocp.cell, ocp.fleet.radius, ocp.weight, 1, ocp.looks)
     excess = nearest.excess[:, 0]
-    left = np.zeros(window.cell.shape[0], dtype=bool)
+    left = np.zeros(ocp.cell.shape[0], dtype=bool)
     left[nearest.cell[excess > _TIE]] = True
-    matters = (window.weight > 0.0).any(axis=0)
+    matters = (ocp.weight > 0.0).any(axis=0)
     covered = int(matters.sum() - left.sum())
     percent = 100.0 * covered / max(int(matters.sum()), 1)
     return float(nearest.weight @ np.maximum(excess, 0.0)), percent if left.any() else 100.0

@@ -15,7 +15,7 @@ from mpc_cover.verification.report import Check
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
 
 _TIE = 1e-9
 """A cell at distance exactly rho counts as measured, whatever the last bit says [m]."""

@@ -15,7 +15,7 @@ from mpc_cover.verification.report import Check, Report
 from mpc_cover.verification.single import as_single
 
 if TYPE_CHECKING:
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
 
 TOLERANCE = 1e-6
 """What a limit may be exceeded by, and a residual may amount to [m, m/s, m/s^2]."""

@@ -10,7 +10,7 @@ from mpc_cover.verification.report import Check
 
 if TYPE_CHECKING:
     from mpc_cover.mission.fleet import Fleet
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
     from mpc_cover.verification.path import Path
 
 _PARTS = 16

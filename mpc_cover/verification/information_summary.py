@@ -15,7 +15,7 @@ from mpc_cover.mission.information import EffectiveInformation, KalmanInformatio
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
 
 
 def summarise_information(trajectory: Trajectory) -> dict[str, Any] | None:

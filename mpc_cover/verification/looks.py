@@ -13,7 +13,7 @@ from mpc_cover.mission.information import EffectiveInformation, KalmanInformatio
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
 
 _NEARLY = 1.0 - 1e-12
 """What a level may be missed by in rounding, as ten times 0.1 does."""

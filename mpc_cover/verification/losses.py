@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.fleet import Fleet
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
 
 REACTION_PERIODS = 2.0
 """Within so many control periods a loss is known and everyone flies a plan without the lost."""

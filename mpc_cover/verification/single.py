@@ -9,7 +9,7 @@ import numpy as np
 from mpc_cover.verification.report import Check, Report
 
 if TYPE_CHECKING:
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
 
 _NOT_ASKED = ("dynamics of velocity", "start velocity", "rest at the end")
 

@@ -18,7 +18,7 @@ from mpc_cover.verification.separation import smallest_separation
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
     from mpc_cover.verification.report import Report
 
 _TOLERANCE = 1e-6

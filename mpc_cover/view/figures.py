@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, FigureBase
 
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
     from mpc_cover.verification.report import Report
 
     Draw = Callable[[Axes], None]

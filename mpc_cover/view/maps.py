@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.mission.config import Shape
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
 
 _SHADE = LinearSegmentedColormap.from_list("coverage", [COVERED, UNCOVERED])
 _TIE = 1e-9

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.trajectory import Trajectory
+    from mpc_cover.trajectory_file import Trajectory
 
 _FEW = 6
 """Up to so many agents a curve each is legible; above, the largest of all is drawn on top."""

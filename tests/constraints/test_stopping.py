@@ -8,9 +8,14 @@ from flights import fleet_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mpc_cover.constraints.overrun import overrun, overrun_rows
+from mpc_cover.constraints.box_overshoot import box_overshoot, box_overshoot_rows
+from mpc_cover.constraints.passive_safety import (
+    braking_encounters,
+    braking_violations,
+    passive_safety_rows,
+    stop_instants,
+)
 from mpc_cover.constraints.rows import Layout
-from mpc_cover.constraints.stopping import exposures, moments, stopping_rows, stops
 from mpc_cover.model.braking import braked, braking_slope
 from mpc_cover.model.motion import roll_out
 
@@ -27,7 +32,7 @@ def motion_of(rng, agents, steps, *, size=4.0):
     return position, velocity, start
 
 
-def convoy(gap, speed=1.0, steps=12):
+def formation_flight(gap, speed=1.0, steps=12):
     """Return two agents one behind the other, as fast."""
     velocity = np.zeros((steps + 1, 2, 2))
     velocity[1:-1, :, 0] = speed
@@ -38,32 +43,32 @@ def convoy(gap, speed=1.0, steps=12):
 
 @pytest.mark.parametrize("gap", [1.2, 1.7, 2.5])
 def test_a_follower_comes_as_much_nearer_as_it_flies_before_it_knows(gap):
-    position, velocity, start = convoy(gap)
+    position, velocity, start = formation_flight(gap)
     fleet = fleet_of(start, separation_min=0.5, reaction=2.0)
-    (moment,) = moments(fleet.reaction)
-    found = stops(position, velocity, PERIOD, fleet, moment, EVERYTHING)
+    (moment,) = stop_instants(fleet.reaction)
+    found = braking_encounters(position, velocity, PERIOD, fleet, moment, EVERYTHING)
     behind = found.distance[(found.stopper == 1) & (found.sample == 4)]
     assert behind == pytest.approx(gap - 1.0)  # two periods at 1 m/s; both brake alike
     ahead = found.distance[(found.stopper == 0) & (found.sample == 4)]
     assert ahead == pytest.approx(gap)
-    assert (exposures(position, velocity, PERIOD, fleet).max() > 0.0) == (gap < 1.6)
+    assert (braking_violations(position, velocity, PERIOD, fleet).max() > 0.0) == (gap < 1.6)
 
 
 def test_nobody_who_stops_is_expected_without_a_reaction_time():
-    position, velocity, start = convoy(0.6)
-    assert exposures(position, velocity, PERIOD, fleet_of(start, separation_min=0.5)).size == 0
+    position, velocity, start = formation_flight(0.6)
+    assert braking_violations(position, velocity, PERIOD, fleet_of(start, separation_min=0.5)).size == 0
 
 
 def test_the_lost_and_lone_agents_need_no_room():
-    position, velocity, start = convoy(0.6)
+    position, velocity, start = formation_flight(0.6)
     position[:, 1], velocity[:, 1] = position[0, 1] + 5.0, 0.0
     fleet = fleet_of(start, separation_min=0.5, reaction=2.0, lost=(1,))
-    assert stops(position, velocity, PERIOD, fleet, moments(2.0)[0], EVERYTHING).sample.size == 0
+    assert braking_encounters(position, velocity, PERIOD, fleet, stop_instants(2.0)[0], EVERYTHING).sample.size == 0
 
 
 @pytest.mark.parametrize(("reaction", "expected"), [(0.0, []), (2.0, [(2, 0.0)]), (2.25, [(3, 0.75), (2, 0.0)])])
 def test_worst_moments_to_die(reaction, expected):
-    assert moments(reaction) == expected
+    assert stop_instants(reaction) == expected
 
 
 def flown_out(position, velocity, fleet, sample, stopper, moment):
@@ -93,8 +98,8 @@ def test_encounters_are_those_of_a_motion_that_is_flown_out(agents, seed, reacti
     rng = np.random.default_rng(seed)
     position, velocity, start = motion_of(rng, agents, 8)
     fleet = fleet_of(start, separation_min=0.4, reaction=reaction)
-    for moment in moments(reaction):
-        found = stops(position, velocity, PERIOD, fleet, moment, EVERYTHING)
+    for moment in stop_instants(reaction):
+        found = braking_encounters(position, velocity, PERIOD, fleet, moment, EVERYTHING)
         case = int(rng.integers(found.sample.size))
         sample, stopper = int(found.sample[case]), int(found.stopper[case])
         least = flown_out(position, velocity, fleet, sample, stopper, moment)[found.follower[case]]
@@ -108,9 +113,9 @@ def test_encounters_are_those_of_a_motion_that_is_flown_out(agents, seed, reacti
 def test_no_encounter_is_left_out(agents, seed, reach):
     position, velocity, start = motion_of(np.random.default_rng(seed), agents, 8)
     fleet = fleet_of(start, separation_min=0.4, reaction=2.3)
-    for moment in moments(fleet.reaction):
-        every = stops(position, velocity, PERIOD, fleet, moment, EVERYTHING)
-        some = stops(position, velocity, PERIOD, fleet, moment, reach)
+    for moment in stop_instants(fleet.reaction):
+        every = braking_encounters(position, velocity, PERIOD, fleet, moment, EVERYTHING)
+        some = braking_encounters(position, velocity, PERIOD, fleet, moment, reach)
         assert some.sample.size == np.count_nonzero(every.distance < every.required + reach)
 
 
@@ -122,10 +127,10 @@ def test_rows_are_the_gradient_of_the_distance(seed, reaction):
     fleet, layout = fleet_of(start, separation_min=0.4, reaction=reaction), Layout(8, 3, 2)
     change = 1e-6 * rng.normal(size=(2, *position.shape))
     change[1, -1] = 0.0  # it ends at rest still
-    for moment in moments(reaction):
-        found = stops(position, velocity, PERIOD, fleet, moment, EVERYTHING)
-        rows = stopping_rows(layout, position, velocity, PERIOD, fleet, found)
-        moved = stops(position + change[0], velocity + change[1], PERIOD, fleet, moment, EVERYTHING)
+    for moment in stop_instants(reaction):
+        found = braking_encounters(position, velocity, PERIOD, fleet, moment, EVERYTHING)
+        rows = passive_safety_rows(layout, position, velocity, PERIOD, fleet, found)
+        moved = braking_encounters(position + change[0], velocity + change[1], PERIOD, fleet, moment, EVERYTHING)
         along = np.bincount(rows.row, rows.value * change.ravel()[rows.column], found.sample.size)
         same = (found.later == moved.later) & (found.distance > 0.05)
         assume(same.any())
@@ -145,7 +150,7 @@ def test_whoever_brakes_stays_in_the_box_where_no_overrun_is_seen(seed):
     for sample, agent in zip(*np.nonzero(inside), strict=True):
         stop = braked(position[sample], velocity[sample], np.array([1e3]), fleet.input_max)[0, agent]
         out = np.maximum(0.01 - stop, 0.0), np.maximum(stop - 3.99, 0.0)
-        assert overrun(position, velocity, fleet)[:, sample, agent] == pytest.approx(np.array(out))
+        assert box_overshoot(position, velocity, fleet)[:, sample, agent] == pytest.approx(np.array(out))
 
 
 @settings(max_examples=25, deadline=None)
@@ -155,7 +160,7 @@ def test_overrun_rows_are_its_gradient(seed):
     position, velocity, start = motion_of(rng, 2, 6)
     fleet = fleet_of(start, motion_min=np.zeros(2), motion_max=np.full(2, 4.0), reaction=2.0)
     layout, first = Layout(6, 2, 2), 1
-    rows = overrun_rows(layout, position, velocity, fleet, EVERYTHING, first)
+    rows = box_overshoot_rows(layout, position, velocity, fleet, EVERYTHING, first)
     change = 1e-6 * rng.normal(size=(2, *position.shape))
 
     def stop(q, v):

@@ -7,10 +7,10 @@ from flights import fleet_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpc_cover.control.courses import Course, path_among
-from mpc_cover.control.easing import strict
-from mpc_cover.control.fallback import plan_from_velocities
-from mpc_cover.control.measurable import measurable
+from mpc_cover.control.constraint_relaxation import strict_bounds
+from mpc_cover.control.obstacle_trajectories import ObstacleTrajectory, path_among
+from mpc_cover.control.reachability import reachable
+from mpc_cover.model.fallback_motion import plan_from_velocities
 
 
 def braking(position, velocity, begin, force=1.5):
@@ -20,7 +20,7 @@ def braking(position, velocity, begin, force=1.5):
     push = -force / speed * velocity
     end = position + 0.5 * duration * velocity
     pieces = [[position, end], [velocity, 0.0 * velocity], [push, 0.0 * push]]
-    return Course(np.array([begin, begin + duration]), *(np.array(piece) for piece in pieces))
+    return ObstacleTrajectory(np.array([begin, begin + duration]), *(np.array(piece) for piece in pieces))
 
 
 def random_plan(rng, agents=3, steps=5):
@@ -59,9 +59,9 @@ def test_a_plan_that_passes_where_the_lost_still_is_does_not_hold():
     up = np.array([[0.0, 0.25], [0.0, 0.0]])
     for velocity, holds in ((up, True), (2.8 * up, False)):
         plan = plan_from_velocities(start, still, np.stack([velocity, np.zeros((2, 2))], axis=1), 0.0, 0.5)
-        assert strict(fleet).keeps(path_among(plan, {}), (start, still))
+        assert strict_bounds(fleet).keeps(path_among(plan, {}), (start, still))
         state = (np.array([[0.0, 0.0], [-1.0, 0.55]]), np.array([[0.0, 0.0], [3.0, 0.0]]))
-        assert strict(fleet).keeps(path_among(plan, {1: course}), state) == holds
+        assert strict_bounds(fleet).keeps(path_among(plan, {1: course}), state) == holds
 
 
 def test_once_at_rest_the_lost_change_nothing():
@@ -75,13 +75,13 @@ def test_what_is_measurable():
     radius = np.array([[1.0, -np.inf], [-np.inf, 2.0]])
     cell = np.array([[5.0, 5.0], [1.0, 1.0]])
     fleet = fleet_of(np.array([[0.0, 0.0], [9.0, 9.0]]), radius=radius, separation_min=0.5)
-    assert measurable(fleet, cell, np.empty((0, 2))).all()
+    assert reachable(fleet, cell, np.empty((0, 2))).all()
     one = fleet_of(fleet.start, radius=np.where([[True], [False]], radius, -np.inf), separation_min=0.5, lost=(1,))
-    np.testing.assert_array_equal(measurable(one, cell, fleet.start[1:]), [[True, True], [False, False]])
+    np.testing.assert_array_equal(reachable(one, cell, fleet.start[1:]), [[True, True], [False, False]])
 
 
 def test_what_the_lost_stand_on_cannot_be_measured_from_too_far_away():
     cell = np.array([[5.0, 5.0], [7.0, 5.0]])
     blocked = fleet_of(np.zeros((2, 2)), separation_min=1.5, lost=(1,))
-    np.testing.assert_array_equal(measurable(blocked, cell, cell[:1]), [[False, True]])
-    assert measurable(fleet_of(np.zeros((2, 2)), separation_min=0.9, lost=(1,)), cell, cell[:1]).all()
+    np.testing.assert_array_equal(reachable(blocked, cell, cell[:1]), [[False, True]])
+    assert reachable(fleet_of(np.zeros((2, 2)), separation_min=0.9, lost=(1,)), cell, cell[:1]).all()

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from motions import PERIOD
 
-from mpc_cover.control.fallback import brake, brake_plan, shifted_plan
-from mpc_cover.planning.plan import resting_plan
+from mpc_cover.model.fallback_motion import brake, brake_plan, shifted_plan
+from mpc_cover.model.trajectory import resting_plan
 from mpc_cover.verification.motion import verify_motion
 
 

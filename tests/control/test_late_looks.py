@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mission_kinds import KINDS, mission_with
 
-from mpc_cover.control.late_looks import LateLooks
-from mpc_cover.control.potential_setup import make_agent
-from mpc_cover.control.report import Report
+from mpc_cover.distributed.delayed_measurements import DelayedMeasurements
+from mpc_cover.distributed.setup import make_agent
+from mpc_cover.distributed.state_report import Report
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import sensor_of, settling_map
 from mpc_cover.information.visibility import Visibility
@@ -27,7 +27,7 @@ def report(agent=0, sample=0, where=(1.0, 1.0), readings=None):
 def known(mission=KALMAN):
     sight = Visibility(mission.field, mission.fleet.radius)
     own = settling_map(mission, sight)
-    return own, LateLooks(own, sight, 0, reads=sensor_of(mission, sight) is not sight), sight
+    return own, DelayedMeasurements(own, sight, 0, reads=sensor_of(mission, sight) is not sight), sight
 
 
 @pytest.mark.parametrize("kind", ["looks", "effective", "kalman"])

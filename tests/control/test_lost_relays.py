@@ -6,7 +6,7 @@ import numpy as np
 from flights import mission_of
 
 from mpc_cover.control.receding_horizon import RecedingHorizon
-from mpc_cover.control.reunion import apart
+from mpc_cover.planning.initial_guess.rendezvous import out_of_range
 
 START = [[1.0, 1.0], [3.0, 1.0], [5.0, 1.0]]
 
@@ -32,23 +32,23 @@ def mission_in_a_row(start=START, radius=2.0):
 def steps_after_losing(index):
     """Return the controller, and the position and reason of each step after everyone saw everything at once."""
     mission = mission_in_a_row()
-    brain = RecedingHorizon(mission)
+    law = RecedingHorizon(mission)
     position, velocity, told = np.array(START), np.zeros((3, 2)), []
-    brain.coverage.observe(0.0, position)
-    assert brain.coverage.complete
-    brain.set_lost(np.arange(3) == index)
+    law.coverage.observe(0.0, position)
+    assert law.coverage.complete
+    law.set_lost(np.arange(3) == index)
     for step in range(12):
-        result = brain.step(position, velocity, 0.5 * step, deadline=None)
+        result = law.step(position, velocity, 0.5 * step, deadline=None)
         told.append(result.reason)
         position, velocity = result.plan.position[1], result.plan.velocity[1]
-    return brain, position, told
+    return law, position, told
 
 
 def test_they_meet_and_then_stop():
-    brain, position, told = steps_after_losing(1)
+    law, position, told = steps_after_losing(1)
     assert told[0] == "meets again"
     assert told[-1] == "all is covered"
-    assert not apart(position, brain._footing.fleet)
+    assert not out_of_range(position, law._constraints.fleet)
     np.testing.assert_allclose(position[1], START[1])
 
 
@@ -62,12 +62,12 @@ def test_those_who_cannot_stop_in_time_meet_before_they_go_on():
     """Still in touch when the relay dies, but not by the time that they can have stopped."""
     position = np.array([[1.8, 1.0], [3.0, 1.8], [4.2, 1.0]])
     velocity = np.array([[-0.5, 0.0], [0.0, 0.0], [0.5, 0.0]])
-    brain = RecedingHorizon(mission_in_a_row(position.tolist(), radius=0.6))
-    brain.set_lost(np.array([False, True, False]))
+    law = RecedingHorizon(mission_in_a_row(position.tolist(), radius=0.6))
+    law.set_lost(np.array([False, True, False]))
     told, length = [], []
     for step in range(24):
-        brain.coverage.observe(0.5 * step, np.where([[True], [False], [True]], position, np.nan))
-        result = brain.step(position, velocity, 0.5 * step, deadline=None)
+        law.coverage.observe(0.5 * step, np.where([[True], [False], [True]], position, np.nan))
+        result = law.step(position, velocity, 0.5 * step, deadline=None)
         told.append(result.reason)
         position, velocity = result.plan.position[1], result.plan.velocity[1]
         length.append(float(np.linalg.norm(position[2] - position[0])))

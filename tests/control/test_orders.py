@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 from mission_kinds import KINDS, mission_with
 
-from mpc_cover.control.orders import Orders
+from mpc_cover.control.demand_allocation import DemandAllocation
 from mpc_cover.control.receding_horizon import RecedingHorizon
-from mpc_cover.control.stretch import Start
 from mpc_cover.information.build import make_map
+from mpc_cover.model.fleet_state import FleetState
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.service.simulate import simulate
+from mpc_cover.service.run.simulate import simulate
 from mpc_cover.verification.check import check_trajectory
 
 
 def start_of(mission, time=0.0):
-    return Start(mission.fleet.start, np.zeros_like(mission.fleet.start), time)
+    return FleetState(mission.fleet.start, np.zeros_like(mission.fleet.start), time)
 
 
 @pytest.mark.parametrize(("owed", "asked"), [(2, 2), (3, 3), (4, 2), (15, 2)])
 def test_many_looks_are_asked_for_lap_by_lap(owed, asked):
     mission = mission_with({"kind": "looks", "looks": owed})
-    orders = Orders(make_map(mission), mission.field)
+    orders = DemandAllocation(make_map(mission), mission.field)
     weight, looks = orders.next(start_of(mission))
     np.testing.assert_array_equal(looks, asked)
     np.testing.assert_array_equal(weight, 1.0)
@@ -32,7 +32,7 @@ def test_many_looks_are_asked_for_lap_by_lap(owed, asked):
 def test_what_is_left_is_what_was_asked_for_less_what_was_seen_and_what_the_rest_brings():
     mission = mission_with({"kind": "looks", "looks": 9}, radius=1.2)
     coverage = make_map(mission)
-    orders, radius = Orders(coverage, mission.field), mission.fleet.radius
+    orders, radius = DemandAllocation(coverage, mission.field), mission.fleet.radius
     orders.next(start_of(mission))
     coverage.observe(0.0, mission.fleet.start)
     later = mission.fleet.start + np.array([[[0.0, 1.0]], [[0.3, 1.5]]])
@@ -47,7 +47,7 @@ def test_what_is_left_is_what_was_asked_for_less_what_was_seen_and_what_the_rest
 
 def test_plain_coverage_has_no_looks():
     mission = mission_with(None, radius=1.2)
-    orders = Orders(make_map(mission), mission.field)
+    orders = DemandAllocation(make_map(mission), mission.field)
     weight, looks = orders.next(start_of(mission))
     assert looks is None
     assert weight.all()
@@ -60,7 +60,7 @@ def test_plain_coverage_has_no_looks():
 
 def test_all_looks_are_asked_for_in_one_go():
     mission = mission_with({"kind": "looks", "looks": 15})
-    orders = Orders(make_map(mission), mission.field)
+    orders = DemandAllocation(make_map(mission), mission.field)
     _, looks = orders.next(start_of(mission), in_one_go=True)
     np.testing.assert_array_equal(looks, 15)
     assert not orders.more
@@ -69,9 +69,9 @@ def test_all_looks_are_asked_for_in_one_go():
 @pytest.mark.parametrize("kind", [{"kind": "looks", "looks": 8}, {**KINDS["kalman"], "target_variance": 0.15}])
 def test_a_fleet_brings_many_looks_in_one_slow_sweep(kind):
     mission = mission_with(kind, time_limit_s=120.0, planning_time_s=2.0)
-    brain = RecedingHorizon(mission)
+    law = RecedingHorizon(mission)
     start = start_of(mission)
-    result = brain.prepare(start.position, start.velocity, 0.0, deadline=None)
+    result = law.prepare(start.position, start.velocity, 0.0, deadline=None)
     assert result.reason.startswith("slow ")
     flight = simulate(mission)
     assert flight.complete
@@ -84,6 +84,6 @@ def test_a_question_about_one_go_begins_no_lap_of_a_patrol():
     mission = mission_with(KINDS["ageing"])
     coverage = make_map(mission)
     before = {name: array.copy() for name, array in coverage.state().items()}
-    Orders(coverage, mission.field).next(start_of(mission, 30.0), in_one_go=True)
+    DemandAllocation(coverage, mission.field).next(start_of(mission, 30.0), in_one_go=True)
     for name, array in coverage.state().items():
         np.testing.assert_array_equal(array, before[name])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpc_cover.control.agent_parameters import AgentParameters
-from mpc_cover.control.potential import Coordination
-from mpc_cover.control.potential_agent import PotentialAgent
-from mpc_cover.control.potential_law import LawParameters
-from mpc_cover.control.stopping_filter import stopping_balls
+from mpc_cover.distributed.agent_controller import AgentController
+from mpc_cover.distributed.double_integrator_filter import stopping_balls
+from mpc_cover.distributed.parameters import AgentParameters
+from mpc_cover.distributed.potential_functions import Coordination
+from mpc_cover.distributed.potential_law import LawParameters
 from mpc_cover.information.delay import adjacency
 from mpc_cover.information.effective import k_coverage
 from mpc_cover.information.visibility import Visibility
@@ -39,7 +39,7 @@ class Airspace:
         self.true = k_coverage(sight, 1)
         order = np.random.default_rng(9).permutation(self.field.size)
         self.agents = [
-            PotentialAgent(
+            AgentController(
                 self.fleet,
                 self.field,
                 index,

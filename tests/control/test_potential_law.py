@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpc_cover.control.escape import Escape
-from mpc_cover.control.potential import Coordination, CoverageShape
-from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw, random_signal
-from mpc_cover.control.tracking import limited, track
+from mpc_cover.distributed.potential_functions import Coordination, CoverageShape
+from mpc_cover.distributed.potential_law import Bounds, LawParameters, PotentialLaw, random_signal
+from mpc_cover.distributed.stall_escape import StallEscape
+from mpc_cover.distributed.velocity_tracking import limited, track
 
 CELL = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]])
 NOBODY = np.zeros((2, 2), dtype=bool)
@@ -80,7 +80,7 @@ def test_tracking_stays_within_the_limits_and_arrives(seed):
 
 def test_a_stalled_agent_attends_to_the_first_cell_owed_in_the_common_order():
     order = np.array([2, 0, 1])
-    escape = Escape(order, 3)
+    escape = StallEscape(order, 3)
     weight = np.array([1.0, 1.0, 0.0])
     for _ in range(3):
         assert (escape.attend(weight) == weight).all()
@@ -93,7 +93,7 @@ def test_a_stalled_agent_attends_to_the_first_cell_owed_in_the_common_order():
 
 
 def test_a_stalled_agent_with_nothing_owed_stays_put():
-    escape = Escape(np.arange(2), 1)
+    escape = StallEscape(np.arange(2), 1)
     escape.attend(np.zeros(2))
     assert (escape.attend(np.zeros(2)) == 0.0).all()
 

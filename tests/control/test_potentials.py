@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpc_cover.control.potential import (
+from mpc_cover.distributed.potential_functions import (
     Coordination,
     CoverageShape,
     collision_gradient,

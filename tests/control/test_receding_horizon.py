@@ -7,13 +7,13 @@ import time
 import numpy as np
 import pytest
 
-from mpc_cover.control.fallback import Rung
 from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.errors import InvalidInputError, UserError
 from mpc_cover.mission.load import build_mission
+from mpc_cover.model.fallback_motion import PlanSource
 from mpc_cover.model.tube import tube_of
-from mpc_cover.planning.continuation import Refined
-from mpc_cover.planning.guesses import rest_guess
+from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
+from mpc_cover.planning.scp import SCPResult
 from mpc_cover.planning.task import Candidate, as_flown
 from mpc_cover.verification.motion import verify_motion
 
@@ -44,23 +44,23 @@ def holds(mission, plan, start):
     return report.holds
 
 
-def fly(mission, brain, limit=60, disturb=None):
+def fly(mission, law, limit=60, disturb=None):
     """Fly the closed loop with exact agents; return the flown motion and the results of all steps."""
     position, velocity = mission.fleet.start, np.zeros_like(mission.fleet.start)
-    brain.coverage.observe(0.0, position)
-    result = brain.prepare(position, velocity, 0.0, deadline=None)
+    law.coverage.observe(0.0, position)
+    result = law.prepare(position, velocity, 0.0, deadline=None)
     flown, results = [(position, velocity)], [result]
     for k in range(limit):
         assert holds(mission, result.plan, (position, velocity))
         for part in (0.2, 0.4, 0.6, 0.8, 1.0):
-            brain.coverage.observe((k + part) * PERIOD, result.plan.state_at((k + part) * PERIOD)[0])
+            law.coverage.observe((k + part) * PERIOD, result.plan.state_at((k + part) * PERIOD)[0])
         position, velocity = result.plan.position[1], result.plan.velocity[1]
         if disturb is not None:
             position = position + disturb(k)
         flown.append((position, velocity))
-        if brain.coverage.complete and np.abs(velocity).max() < 1e-9:
+        if law.coverage.complete and np.abs(velocity).max() < 1e-9:
             break
-        result = brain.step(position, velocity, (k + 1) * PERIOD, deadline=None)
+        result = law.step(position, velocity, (k + 1) * PERIOD, deadline=None)
         results.append(result)
     return flown, results
 
@@ -68,11 +68,11 @@ def fly(mission, brain, limit=60, disturb=None):
 @pytest.mark.parametrize("horizon", [4, 8, 30])
 def test_the_closed_loop_finishes_whatever_the_horizon(horizon):
     mission = small_mission(horizon)
-    brain = RecedingHorizon(mission)
-    flown, results = fly(mission, brain)
-    assert brain.coverage.complete
-    assert {r.rung for r in results} <= {Rung.NEW, Rung.SHIFTED, Rung.REST}
-    assert sum(r.rung is Rung.SHIFTED for r in results) < 0.2 * len(results)
+    law = RecedingHorizon(mission)
+    flown, results = fly(mission, law)
+    assert law.coverage.complete
+    assert {r.plan_source for r in results} <= {PlanSource.NEW, PlanSource.SHIFTED, PlanSource.REST}
+    assert sum(r.plan_source is PlanSource.SHIFTED for r in results) < 0.2 * len(results)
     assert len(flown) * PERIOD < 12.0
     assert all(r.plan.steps >= horizon for r in results)
 
@@ -80,16 +80,16 @@ def test_the_closed_loop_finishes_whatever_the_horizon(horizon):
 @pytest.mark.parametrize("backend", ["osqp", "clarabel"])
 def test_every_back_end_flies_it(backend):
     mission = small_mission()
-    brain = RecedingHorizon(mission, backend=backend)
-    fly(mission, brain)
-    assert brain.coverage.complete
+    law = RecedingHorizon(mission, backend=backend)
+    fly(mission, law)
+    assert law.coverage.complete
 
 
 def test_small_disturbances_are_flown_out():
     mission = small_mission()
-    brain, rng = RecedingHorizon(mission), np.random.default_rng(3)
-    fly(mission, brain, disturb=lambda _: rng.normal(scale=0.002, size=(2, 2)))
-    assert brain.coverage.complete
+    law, rng = RecedingHorizon(mission), np.random.default_rng(3)
+    fly(mission, law, disturb=lambda _: rng.normal(scale=0.002, size=(2, 2)))
+    assert law.coverage.complete
 
 
 def test_two_runs_are_the_same():
@@ -99,17 +99,17 @@ def test_two_runs_are_the_same():
 
 def test_a_lost_agent_becomes_an_obstacle_and_the_other_finishes():
     mission = small_mission()
-    brain, plan = start_flying(mission)
+    law, plan = start_flying(mission)
     lost = np.array([True, False])
     resting = plan.position[4, 0]
     position = plan.position[4].copy()
     velocity = plan.velocity[4] * [[0.0], [1.0]]
     for k in range(5):
-        brain.coverage.observe(k * PERIOD, plan.position[k])
-    brain.set_lost(lost)
-    fleet = brain._mission.fleet
+        law.coverage.observe(k * PERIOD, plan.position[k])
+    law.set_lost(lost)
+    fleet = law._mission.fleet
     for k in range(4, 120):
-        result = brain.step(position, velocity, k * PERIOD, deadline=None)
+        result = law.step(position, velocity, k * PERIOD, deadline=None)
         report = verify_motion(
             fleet, result.plan.time(), result.plan.position, result.plan.velocity, result.plan.input, at_rest=True
         )
@@ -119,28 +119,28 @@ def test_a_lost_agent_becomes_an_obstacle_and_the_other_finishes():
         for part in (0.5, 1.0):
             seen = result.plan.state_at((k + part) * PERIOD)[0].copy()
             seen[0] = np.nan
-            brain.coverage.observe((k + part) * PERIOD, seen)
+            law.coverage.observe((k + part) * PERIOD, seen)
         position, velocity = result.plan.position[1], result.plan.velocity[1]
-        if brain.coverage.complete:
+        if law.coverage.complete:
             break
-    assert brain.coverage.complete
+    assert law.coverage.complete
 
 
 def test_an_agent_that_comes_back_shares_the_work_again():
     mission = small_mission()
-    brain, _ = start_flying(mission)
-    brain.set_lost(np.array([True, False]))
-    assert brain._mission.fleet.lost == (0,)
-    brain.set_lost(np.array([False, False]))
-    assert brain._mission.fleet.lost == ()
-    assert np.isfinite(brain._mission.fleet.radius).all()
+    law, _ = start_flying(mission)
+    law.set_lost(np.array([True, False]))
+    assert law._mission.fleet.lost == (0,)
+    law.set_lost(np.array([False, False]))
+    assert law._mission.fleet.lost == ()
+    assert np.isfinite(law._mission.fleet.radius).all()
 
 
 def test_a_slow_agent_is_planned_for_at_its_own_speed():
     mission = small_mission()
-    brain, plan = start_flying(mission)
-    brain.limit_speed(0, 0.5)
-    result = brain.step(mission.fleet.start, np.zeros((2, 2)), 0.0, deadline=None)
+    law, plan = start_flying(mission)
+    law.limit_speed(0, 0.5)
+    result = law.step(mission.fleet.start, np.zeros((2, 2)), 0.0, deadline=None)
     speed = np.linalg.norm(result.plan.velocity, axis=2).max(axis=0)
     assert speed[0] <= 0.75 + 1e-6
     assert np.linalg.norm(plan.velocity, axis=2).max(axis=0)[0] > 0.75
@@ -153,14 +153,14 @@ def disturbed(**disturbance):
 
 def test_bounds_are_tightened_by_the_tube():
     mission = disturbed(position_noise_m=0.01, input_noise_m_per_s2=0.05)
-    brain = RecedingHorizon(mission)
-    tight, tube = brain._mission.fleet, tube_of(mission)
+    law = RecedingHorizon(mission)
+    tight, tube = law._mission.fleet, tube_of(mission)
     assert tube.position_m > 0.01
     assert tight.separation_min == pytest.approx(0.5 + 2 * tube.position_m)
     assert tight.communication_range == pytest.approx(3.0 - 2 * tube.position_m)
     assert tight.input_max == pytest.approx(1.5 - tube.input_m_per_s2)
-    fly(mission, brain)
-    assert brain.coverage.complete
+    fly(mission, law)
+    assert law.coverage.complete
 
 
 def test_disturbances_that_leave_no_room_are_a_clear_error():
@@ -170,7 +170,7 @@ def test_disturbances_that_leave_no_room_are_a_clear_error():
         RecedingHorizon(build_mission({**raw, "disturbance": {"position_noise_m": 0.1}}, "small"))
 
 
-class FailingEngine:
+class FailingPlanner:
     """A planner of which nothing can be used."""
 
     def __init__(self, candidate):
@@ -181,69 +181,69 @@ class FailingEngine:
 
     whole = quick
 
-    def judge(self, window, x):
-        return Refined(x, 1.0, 9.0, ())
+    def evaluate(self, ocp, x):
+        return SCPResult(x, 1.0, 9.0, ())
 
-    def polish(self, window, x, iterations, deadline):
-        return Refined(np.full_like(x, np.nan), 0.0, 0.0, ())
+    def polish(self, ocp, x, iterations, deadline):
+        return SCPResult(np.full_like(x, np.nan), 0.0, 0.0, ())
 
 
 def start_flying(mission):
-    brain = RecedingHorizon(mission)
+    law = RecedingHorizon(mission)
     start, still = mission.fleet.start, np.zeros_like(mission.fleet.start)
-    return brain, brain.prepare(start, still, 0.0, deadline=None).plan
+    return law, law.prepare(start, still, 0.0, deadline=None).plan
 
 
 def test_nan_from_the_planner_never_leaves_the_controller():
     mission = small_mission()
-    brain, plan = start_flying(mission)
-    brain._engine = FailingEngine(None)
+    law, plan = start_flying(mission)
+    law._planner = FailingPlanner(None)
     start = plan.position[1], plan.velocity[1]
-    result = brain.step(*start, PERIOD, deadline=None)
-    assert result.rung is Rung.NEW  # the mission plan goes on
+    result = law.step(*start, PERIOD, deadline=None)
+    assert result.plan_source is PlanSource.NEW  # the mission plan goes on
     assert holds(mission, result.plan, start)
 
 
 def test_without_a_mission_plan_the_previous_plan_is_shifted_and_then_rest():
     mission = small_mission()
-    brain, plan = start_flying(mission)
-    brain._engine = FailingEngine(Candidate(plan, 1.0, feasible=False, kind="useless"))
-    brain._whole, thinking = None, False
+    law, plan = start_flying(mission)
+    law._planner = FailingPlanner(Candidate(plan, 1.0, feasible=False, kind="useless"))
+    law._whole, thinking = None, False
     for k in range(1, 12):
         start = plan.state_at(k * PERIOD)
-        result = brain.step(*start, k * PERIOD, deadline=None)
-        assert result.rung is (Rung.REST if thinking else Rung.SHIFTED)
-        thinking = brain.wants_thought
+        result = law.step(*start, k * PERIOD, deadline=None)
+        assert result.plan_source is (PlanSource.REST if thinking else PlanSource.SHIFTED)
+        thinking = law.wants_replan_at_rest
         assert holds(mission, result.plan, start)
     assert np.abs(start[1]).max() < 1e-9
 
 
 def test_without_any_plan_it_brakes():
     mission = small_mission()
-    brain = RecedingHorizon(mission)
-    brain._engine = FailingEngine(Candidate(start_flying(mission)[1], 1.0, feasible=False, kind="useless"))
+    law = RecedingHorizon(mission)
+    law._planner = FailingPlanner(Candidate(start_flying(mission)[1], 1.0, feasible=False, kind="useless"))
     start = mission.fleet.start, np.array([[0.0, 1.0], [0.0, 1.0]])
-    result = brain.step(*start, 0.0, deadline=None)
-    assert result.rung is Rung.BRAKE
+    result = law.step(*start, 0.0, deadline=None)
+    assert result.plan_source is PlanSource.BRAKE
     assert holds(mission, result.plan, start)
 
 
 def test_when_all_is_covered_it_comes_to_rest():
     mission = small_mission()
-    brain, plan = start_flying(mission)
-    brain.coverage.first[:] = 0.0
-    result = brain.step(plan.position[2], plan.velocity[2], 2 * PERIOD, deadline=None)
-    assert result.rung is Rung.REST
+    law, plan = start_flying(mission)
+    law.coverage.first[:] = 0.0
+    result = law.step(plan.position[2], plan.velocity[2], 2 * PERIOD, deadline=None)
+    assert result.plan_source is PlanSource.REST
     assert np.abs(result.plan.velocity[2:]).max() == 0.0
-    again = brain.prepare(mission.fleet.start, np.zeros((2, 2)), 0.0, deadline=None)
-    assert again.rung is Rung.REST
+    again = law.prepare(mission.fleet.start, np.zeros((2, 2)), 0.0, deadline=None)
+    assert again.plan_source is PlanSource.REST
 
 
 def test_a_missed_deadline_is_reported_and_the_plan_is_still_verified():
     mission = small_mission()
-    brain, plan = start_flying(mission)
+    law, plan = start_flying(mission)
     start = plan.position[1], plan.velocity[1]
-    result = brain.step(*start, PERIOD, deadline=time.perf_counter() - 1.0)
+    result = law.step(*start, PERIOD, deadline=time.perf_counter() - 1.0)
     assert result.deadline_missed
     assert holds(mission, result.plan, start)
 
@@ -254,10 +254,10 @@ def test_several_looks_are_flown_to_the_end(looks):
     spec = small_mission().spec.model_dump(by_alias=True, exclude_none=True)
     spec["area"] |= {"looks": looks, "shape": {"kind": "box", "min_m": [0, 0], "max_m": [3.0, 2.5]}}
     mission = build_mission(spec, "small")
-    brain = RecedingHorizon(mission)
-    fly(mission, brain, limit=90)
-    assert brain.coverage.complete
-    assert brain.coverage.map.effective.min() >= looks
+    law = RecedingHorizon(mission)
+    fly(mission, law, limit=90)
+    assert law.coverage.complete
+    assert law.coverage.map.effective.min() >= looks
 
 
 def test_an_unknown_back_end_is_a_clear_error():
@@ -268,20 +268,20 @@ def test_an_unknown_back_end_is_a_clear_error():
 def test_planning_that_was_too_short_is_thought_over_for_twice_as_long(monkeypatch):
     """A first plan that stays at rest would be flown for ever; the fleet is at rest anyway."""
     mission = small_mission()
-    brain, asked = RecedingHorizon(mission), []
-    whole = brain._engine.whole
+    law, asked = RecedingHorizon(mission), []
+    whole = law._planner.whole
 
     def slow(task, deadline, effort_s):
         asked.append(effort_s)
         still = task.flown(rest_guess(task.position), task.least_steps)
         return as_flown(task, rest_guess(task.position), still) if len(asked) < 3 else whole(task, deadline)
 
-    monkeypatch.setattr(brain._engine, "whole", slow)
+    monkeypatch.setattr(law._planner, "whole", slow)
     state = mission.fleet.start, np.zeros_like(mission.fleet.start)
     thoughts = []
     for _ in range(3):
-        brain.prepare(*state, 0.0, deadline=None)
-        thoughts.append(brain.wants_thought)
+        law.prepare(*state, 0.0, deadline=None)
+        thoughts.append(law.wants_replan_at_rest)
     planning_s = mission.spec.control.planning_time_s
     assert asked == [planning_s, 2 * planning_s, 4 * planning_s]
     assert thoughts == [True, True, False]
@@ -292,24 +292,24 @@ def test_time_that_was_added_for_thinking_is_no_missed_deadline():
     state = mission.fleet.start, np.zeros_like(mission.fleet.start)
     missed = []
     for again in (False, True):
-        brain = RecedingHorizon(mission)
-        brain._thoughts.wanted = again
-        brain._thoughts.end()  # in vain, or not
-        missed.append(brain.prepare(*state, 0.0, deadline=time.perf_counter()).deadline_missed)
+        law = RecedingHorizon(mission)
+        law._trigger.wanted = again
+        law._trigger.end()  # in vain, or not
+        missed.append(law.prepare(*state, 0.0, deadline=time.perf_counter()).deadline_missed)
     assert missed == [True, False]
 
 
 def test_thinking_in_vain_ends(monkeypatch):
     mission = small_mission()
-    brain = RecedingHorizon(mission)
+    law = RecedingHorizon(mission)
 
     def nothing(task, deadline, effort_s):
         still = task.flown(rest_guess(task.position), task.least_steps)
         return as_flown(task, rest_guess(task.position), still)
 
-    monkeypatch.setattr(brain._engine, "whole", nothing)
+    monkeypatch.setattr(law._planner, "whole", nothing)
     thoughts = []
     for _ in range(4):
-        brain.prepare(mission.fleet.start, np.zeros_like(mission.fleet.start), 0.0, deadline=None)
-        thoughts.append(brain.wants_thought)
+        law.prepare(mission.fleet.start, np.zeros_like(mission.fleet.start), 0.0, deadline=None)
+        thoughts.append(law.wants_replan_at_rest)
     assert thoughts == [True, True, True, False]

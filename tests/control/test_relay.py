@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mpc_cover.control.relay import MOST_REPAIRS, Relay
-from mpc_cover.control.report import Report
+from mpc_cover.distributed.message_relay import MOST_REPAIRS, MessageRelay
+from mpc_cover.distributed.state_report import Report
 
 
 def report(agent, sample, promised=False):
@@ -15,7 +15,7 @@ def names(reports):
 
 
 def test_news_go_once():
-    relay = Relay(3)
+    relay = MessageRelay(3)
     relay.learn(report(1, 0))
     relay.learn(report(1, 1, promised=True))
     assert names(relay.take()) == [(1, 0), (1, 1)]
@@ -23,7 +23,7 @@ def test_news_go_once():
 
 
 def test_what_a_neighbour_lacked_twice_is_sent_again():
-    relay = Relay(3)
+    relay = MessageRelay(3)
     for sample in range(5):
         relay.learn(report(1, sample))
     relay.keep(report(0, 0))
@@ -37,7 +37,7 @@ def test_what_a_neighbour_lacked_twice_is_sent_again():
 
 
 def test_a_long_gap_is_mended_a_part_at_a_time():
-    relay = Relay(2)
+    relay = MessageRelay(2)
     for sample in range(200):
         relay.learn(report(1, sample))
     relay.take()
@@ -54,7 +54,7 @@ def test_a_long_gap_is_mended_a_part_at_a_time():
 
 
 def test_promises_are_not_kept():
-    relay = Relay(2)
+    relay = MessageRelay(2)
     relay.learn(report(1, 0, promised=True))
     relay.take()
     for _ in range(2):

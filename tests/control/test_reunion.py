@@ -10,11 +10,11 @@ from flights import fleet_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mpc_cover.control.courses import path_among
-from mpc_cover.control.easing import bounds_within_reach, eased, longest_edge, strict
-from mpc_cover.control.fallback import brake_plan
-from mpc_cover.control.reunion import apart, reunions
-from mpc_cover.control.stretch import Start
+from mpc_cover.control.constraint_relaxation import attainable_bounds, longest_edge, relaxed, strict_bounds
+from mpc_cover.control.obstacle_trajectories import path_among
+from mpc_cover.model.fallback_motion import brake_plan
+from mpc_cover.model.fleet_state import FleetState
+from mpc_cover.planning.initial_guess.rendezvous import out_of_range, rendezvous_plans
 
 PERIOD = 0.5
 
@@ -25,11 +25,11 @@ def fleet_at(start, lost=(), reach=4.0):
 
 def reunite(fleet, velocity):
     """Return the bounds that hold from the fleet's start with these velocities, and the first plan that keeps them."""
-    start = Start(fleet.start, velocity, 3.0)
+    start = FleetState(fleet.start, velocity, 3.0)
     braking = path_among(brake_plan(fleet.start, velocity, fleet, 3.0, PERIOD, 8), {})
     state = (fleet.start, velocity)
-    bounds = bounds_within_reach(fleet, [braking], state)
-    plans = reunions(start, fleet, PERIOD)
+    bounds = attainable_bounds(fleet, [braking], state)
+    plans = rendezvous_plans(start, fleet, PERIOD)
     return bounds, next((plan for plan in plans if bounds.keeps(path_among(plan, {}), state)), None)
 
 
@@ -41,14 +41,14 @@ def test_whoever_is_apart_meets_and_was_never_farther_apart_than_braking_leaves_
     distance = np.linalg.norm(start[:, None] - start, axis=2) + 10.0 * np.eye(agents)
     assume(distance.min() > 2.5)  # nobody collides, whatever they do in the time of braking
     fleet = fleet_at(start)
-    assume(apart(start, fleet))
+    assume(out_of_range(start, fleet))
     velocity = rng.uniform(-0.7, 0.7, (agents, 2)) if moving else np.zeros((agents, 2))
     bounds, plan = reunite(fleet, velocity)
     assert plan is not None
     path = path_among(plan, {})
     braked = longest_edge(path_among(brake_plan(start, velocity, fleet, 3.0, PERIOD, 8), {}), fleet)
     assert longest_edge(path, fleet) <= max(fleet.communication_range, braked) + 1e-5
-    assert not apart(plan.position[-1], fleet)
+    assert not out_of_range(plan.position[-1], fleet)
     assert bounds.fleet.communication_range <= max(fleet.communication_range, braked) + 1e-5
 
 
@@ -64,9 +64,9 @@ def test_the_lost_relay_in_the_middle_is_flown_around():
 
 def test_a_fleet_in_touch_is_not_apart_and_the_lost_do_not_count():
     fleet = fleet_at([[0.0, 0.0], [3.0, 0.0], [6.0, 0.0]])
-    assert not apart(fleet.start, fleet)
-    assert apart(fleet.start, replace(fleet, lost=(1,)))
-    assert not apart(fleet.start, replace(fleet, lost=(2,)))
+    assert not out_of_range(fleet.start, fleet)
+    assert out_of_range(fleet.start, replace(fleet, lost=(1,)))
+    assert not out_of_range(fleet.start, replace(fleet, lost=(2,)))
 
 
 def rest_at(fleet, position=None, velocity=None):
@@ -78,7 +78,7 @@ def rest_at(fleet, position=None, velocity=None):
 def test_within_its_bounds_a_fleet_keeps_them():
     fleet = fleet_at([[0.0, 0.0], [3.0, 0.0]])
     path, state = rest_at(fleet)
-    bounds = bounds_within_reach(fleet, [path], state)
+    bounds = attainable_bounds(fleet, [path], state)
     assert bounds.fleet is fleet
     assert not bounds.apart
 
@@ -87,7 +87,7 @@ def test_within_its_bounds_a_fleet_keeps_them():
 def test_a_pair_that_is_too_near_may_stay_so_but_no_other_may_come_as_near(moved):
     fleet = fleet_at([[0.0, 0.0], [0.4, 0.0], [1.1 - moved, 0.0]])
     path, state = rest_at(fleet, np.array([[0.0, 0.0], [0.4, 0.0], [1.1, 0.0]]))
-    bounds = eased(fleet, path)
+    bounds = relaxed(fleet, path)
     assert bounds.apart == {(0, 1): pytest.approx(0.4)}
     assert bounds.keeps(path, state)
     nearer, there = rest_at(fleet, fleet.start)
@@ -106,22 +106,22 @@ def test_a_state_just_outside_any_bound_leaves_a_plan_that_holds():
     }
     for name, (position, velocity) in outside.items():
         path, state = rest_at(fleet, np.array(position), np.array(velocity))
-        assert not strict(fleet).keeps(path, state), name
-        assert bounds_within_reach(fleet, [path], state).keeps(path, state), name
+        assert not strict_bounds(fleet).keeps(path, state), name
+        assert attainable_bounds(fleet, [path], state).keeps(path, state), name
 
 
 def test_a_link_that_is_too_long_is_closed_though_others_keep_both_in_touch():
     """As when the tube leaves less of the range than the start needs: the tree is well, one pair's own link is not."""
     start = [[0.66, 3.25], [1.45, 3.39], [0.9, 2.57], [1.48, 2.16]]
     fleet = replace(fleet_at(start, reach=1.32), links=((3, 0),))
-    assert apart(fleet.start, fleet)
-    assert not apart(fleet.start, replace(fleet, links=()))
+    assert out_of_range(fleet.start, fleet)
+    assert not out_of_range(fleet.start, replace(fleet, links=()))
     _, plan = reunite(fleet, np.zeros((4, 2)))
     assert plan is not None
-    assert not apart(plan.position[-1], fleet)
+    assert not out_of_range(plan.position[-1], fleet)
     drifting = np.zeros((4, 2))
     drifting[3, 0] = 0.3  # away: braking alone makes it longer, which cannot be helped
     bounds, plan = reunite(fleet, drifting)
     assert bounds.fleet.communication_range > np.linalg.norm(fleet.start[3] - fleet.start[0])
     assert plan is not None
-    assert not apart(plan.position[-1], fleet)
+    assert not out_of_range(plan.position[-1], fleet)

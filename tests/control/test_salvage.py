@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from test_receding_horizon import PERIOD, holds, small_mission
 
-from mpc_cover.control.readiness import slowed, without
 from mpc_cover.control.receding_horizon import RecedingHorizon
-from mpc_cover.control.salvage import as_before
 from mpc_cover.coverage.nearest import still_owed
-from mpc_cover.planning.engine import Engine
+from mpc_cover.model.constraint_tightening import slowed, without_lost
+from mpc_cover.planning.initial_guess.plan_repair import repaired_plan
+from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
 
 
@@ -21,7 +21,7 @@ def planned(mission):
     fleet = mission.fleet
     weight = np.ones((1, mission.field.size))
     task = Task(fleet, mission.field.cell, weight, fleet.start, np.zeros_like(fleet.start), 0.0, PERIOD)
-    candidate = Engine("piqp").quick(task, None)
+    candidate = Planner("piqp").quick(task, None)
     assert candidate.complete
     return task, candidate.plan
 
@@ -35,7 +35,7 @@ def rest_of(task, plan, done, fleet):
 def test_whoever_is_slower_flies_the_same_ways_and_covers_as_much():
     task, plan = planned(small_mission())
     fleet = slowed(task.fleet, np.array([1.0, 0.5]))
-    found = as_before(rest_of(task, plan, 0, fleet), plan)
+    found = repaired_plan(rest_of(task, plan, 0, fleet), plan)
     assert found.kind == "the ways as before"
     assert found.cost == 0.0
     assert (np.linalg.norm(found.plan.velocity, axis=2) <= fleet.speed_max + 1e-9).all()
@@ -44,9 +44,9 @@ def test_whoever_is_slower_flies_the_same_ways_and_covers_as_much():
 
 def test_what_the_lost_leave_over_is_flown_to_in_the_end():
     task, plan = planned(small_mission())
-    fleet = without(task.fleet, np.array([True, False]))
+    fleet = without_lost(task.fleet, np.array([True, False]))
     begun = replace(rest_of(task, plan, 4, fleet), velocity=plan.velocity[4] * [[0.0], [1.0]])
-    found = as_before(begun, plan)
+    found = repaired_plan(begun, plan)
     alone = plan.position[4:].copy()
     alone[:, 0] = alone[:1, 0]
     without_tour = still_owed(alone, task.cell, fleet.radius, task.weight) > 0.0
@@ -58,15 +58,15 @@ def test_what_the_lost_leave_over_is_flown_to_in_the_end():
 def test_a_step_without_time_goes_on_or_asks_for_time_to_think():
     """Whatever comes of it holds; if nobody goes on, then because it is to be thought about, and only that long."""
     mission = small_mission()
-    brain = RecedingHorizon(mission)
+    law = RecedingHorizon(mission)
     start = mission.fleet.start, np.zeros((2, 2))
-    plan = brain.prepare(*start, 0.0, deadline=None).plan
-    brain.limit_speed(1, 0.5)
+    plan = law.prepare(*start, 0.0, deadline=None).plan
+    law.limit_speed(1, 0.5)
     state = plan.position[2], plan.velocity[2] * [[1.0], [0.5]]
-    result = brain.step(*state, 2 * PERIOD, deadline=time.perf_counter() - 1.0)
+    result = law.step(*state, 2 * PERIOD, deadline=time.perf_counter() - 1.0)
     assert holds(mission, result.plan, state)
-    assert result.reason == "the ways as before" or brain.wants_thought
+    assert result.reason == "the ways as before" or law.wants_replan_at_rest
     stopped = result.plan.position[-1], np.zeros((2, 2))
-    after = brain.prepare(*stopped, 9.0, deadline=None)
-    assert not brain.wants_thought
+    after = law.prepare(*stopped, 9.0, deadline=None)
+    assert not law.wants_replan_at_rest
     assert np.abs(after.plan.velocity).max() > 0.5

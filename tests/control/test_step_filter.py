@@ -8,9 +8,9 @@ from crowds import RANGE, SEPARATION, WISHES, crowd, pair_lengths
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpc_cover.control.potential import Coordination, CoverageShape
-from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw
-from mpc_cover.control.step_filter import fan
+from mpc_cover.distributed.potential_functions import Coordination, CoverageShape
+from mpc_cover.distributed.potential_law import Bounds, LawParameters, PotentialLaw
+from mpc_cover.distributed.single_integrator_filter import fan
 from mpc_cover.information.delay import adjacency
 from mpc_cover.verification.connectivity import widest_bottleneck
 from mpc_cover.verification.path import Path

@@ -9,10 +9,10 @@ from flights import fleet_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpc_cover.control.potential import Coordination
-from mpc_cover.control.potential_law import Bounds, LawParameters, PotentialLaw
-from mpc_cover.control.safe_sets import enclosing_diameters
-from mpc_cover.control.stopping_filter import stopping_balls
+from mpc_cover.distributed.double_integrator_filter import stopping_balls
+from mpc_cover.distributed.potential_functions import Coordination
+from mpc_cover.distributed.potential_law import Bounds, LawParameters, PotentialLaw
+from mpc_cover.distributed.safe_sets import enclosing_diameters
 from mpc_cover.information.delay import adjacency
 from mpc_cover.verification.motion import verify_motion
 

@@ -7,8 +7,8 @@ from flights import fleet_of
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpc_cover.control.report import Report
-from mpc_cover.control.surroundings import Surroundings
+from mpc_cover.distributed.neighbourhood import Neighbourhood
+from mpc_cover.distributed.state_report import Report
 
 PERIOD = 0.5
 FLEET = fleet_of(np.zeros((3, 2)))
@@ -16,7 +16,7 @@ number = st.floats(-1.0, 1.0)
 
 
 def around(double=True):
-    return Surroundings(FLEET, PERIOD, double=double, lost_after=6, margin_m=0.1)
+    return Neighbourhood(FLEET, PERIOD, double=double, lost_after=6, margin_m=0.1)
 
 
 def report(agent, sample, velocity=(0.0, 0.0), promised=False):

@@ -7,9 +7,9 @@ import pytest
 from flights import fleet_of
 
 from mpc_cover.constraints.boundary import Ends
-from mpc_cover.control.easing import bounds_within_reach
-from mpc_cover.control.fallback import brake_plan
-from mpc_cover.planning.window import Margins, Window, requirements
+from mpc_cover.control.constraint_relaxation import attainable_bounds
+from mpc_cover.model.fallback_motion import brake_plan
+from mpc_cover.planning.ocp import OCP, Margins, requirements
 from mpc_cover.verification.path import Path
 
 NEAR, ASKED = 0.3, 0.8
@@ -20,7 +20,7 @@ def bounds_from(fleet):
     start = fleet.start, np.zeros_like(fleet.start)
     plan = brake_plan(*start, fleet, 0.0, 0.5, 4)
     path = Path(plan.time(), plan.position, plan.velocity, plan.input)
-    return bounds_within_reach(fleet, [path], start)
+    return attainable_bounds(fleet, [path], start)
 
 
 @pytest.mark.parametrize("lost", [(), (1,)])
@@ -28,8 +28,8 @@ def test_the_planner_asks_the_other_pairs_for_all_that_the_verifier_does(lost):
     start = np.array([[1.0, 1.0], [1.0 + NEAR, 1.0], [4.0, 1.0]])
     bounds = bounds_from(fleet_of(start, separation_min=ASKED, lost=lost))
     cell, weight = np.array([[2.0, 2.0]]), np.ones((1, 1))
-    window = Window(bounds.planned, cell, weight, 8, 0.5, Ends(start, np.zeros_like(start)))
-    required = requirements(window, Margins()).separation
+    ocp = OCP(bounds.planned, cell, weight, 8, 0.5, Ends(start, np.zeros_like(start)))
+    required = requirements(ocp, Margins()).separation
     assert required == pytest.approx([NEAR, ASKED + Margins().separation, ASKED + Margins().separation])
 
 

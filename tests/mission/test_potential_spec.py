@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from mission_files import REMOVE, changed, mistakes
 
-from mpc_cover.control.potential import Coordination
-from mpc_cover.control.potential_setup import coordination_for, law_parameters
+from mpc_cover.distributed.potential_functions import Coordination
+from mpc_cover.distributed.setup import coordination_for, law_parameters
 from mpc_cover.mission.load import build_mission, load_mission, mission_from_json
 
 

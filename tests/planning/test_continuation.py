@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from motions import random_window, replace, settings
 
 from mpc_cover.coverage.majoriser import soft_minimum
-from mpc_cover.planning.continuation import FEASIBILITY, judge, refine, softness_at
-from mpc_cover.planning.problem import CoverageProblem
+from mpc_cover.planning.coverage_nlp import CoverageNLP
+from mpc_cover.planning.scp import FEASIBILITY, evaluate, optimise, softness_at
 from mpc_cover.verification.motion import verify_motion
 from solvers import sqp
 from solvers.backends.registry import make_backend
@@ -23,8 +23,8 @@ from solvers.backends.registry import make_backend
 @hypothesis_settings(max_examples=15)
 @given(seed=st.integers(0, 10**4), backend=st.sampled_from(["piqp", "osqp", "clarabel"]))
 def test_j_beta_never_rises_from_one_accepted_iterate_to_the_next(seed, backend):
-    window, x = random_window(seed)
-    problem = CoverageProblem(window, settings())
+    ocp, x = random_window(seed)
+    problem = CoverageNLP(ocp, settings())
     first = problem.measure(x)
     result = sqp.solve(problem, x, make_backend(backend), sqp.Options(max_iterations=5, feasibility=FEASIBILITY))
     values = [first.merit(50.0), *(it.objective for it in result.history)]
@@ -35,22 +35,22 @@ def test_j_beta_never_rises_from_one_accepted_iterate_to_the_next(seed, backend)
 @hypothesis_settings(max_examples=15)
 @given(seed=st.integers(0, 10**4))
 def test_what_it_returns_is_no_worse_and_passes_the_independent_verifier(seed):
-    window, x = random_window(seed)
-    before = judge(window, x)
-    after = refine(window, x, make_backend("piqp"), sharpness=(4.0, 20.0), iterations=3)
+    ocp, x = random_window(seed)
+    before = evaluate(ocp, x)
+    after = optimise(ocp, x, make_backend("piqp"), sharpness=(4.0, 20.0), iterations=3)
     assert before.feasible
     assert after.feasible
     assert after.cost <= before.cost
-    position, velocity = window.motion(after.x)
-    period = window.period
+    position, velocity = ocp.motion(after.x)
+    period = ocp.period
     force = np.diff(velocity, axis=0) / period
-    report = verify_motion(window.fleet, period * np.arange(window.steps + 1), position, velocity, force, at_rest=True)
+    report = verify_motion(ocp.fleet, period * np.arange(ocp.steps + 1), position, velocity, force, at_rest=True)
     assert report.holds, report.first_failure
 
 
 def test_a_deadline_that_has_passed_returns_the_start():
-    window, x = random_window(1)
-    result = refine(window, x, make_backend("piqp"), deadline=time.perf_counter() - 1.0)
+    ocp, x = random_window(1)
+    result = optimise(ocp, x, make_backend("piqp"), deadline=time.perf_counter() - 1.0)
     assert result.x.tolist() == x.tolist()
     assert result.stages == ()
 
@@ -65,25 +65,25 @@ def test_the_margin_makes_up_for_the_soft_minimum_of_two_equally_near_samples():
 
 def test_a_path_that_leaves_the_box_between_two_samples_only_is_a_violation():
     """At both samples 1 cm inside the wall, but the parabola's vertex lies beyond it."""
-    window, _ = random_window(1, steps=2, agents=1)
-    limit = window.fleet.motion_max[0]
-    ends = replace(window.ends, start_position=np.array([[limit - 0.01, 4.0]]), start_velocity=np.array([[0.3, 0.0]]))
-    window = replace(window, ends=ends)
+    ocp, _ = random_window(1, steps=2, agents=1)
+    limit = ocp.fleet.motion_max[0]
+    ends = replace(ocp.ends, start_position=np.array([[limit - 0.01, 4.0]]), start_velocity=np.array([[0.3, 0.0]]))
+    ocp = replace(ocp, ends=ends)
     velocity = np.array([[[0.3, 0.0]], [[-0.3, 0.0]], [[0.0, 0.0]]])
-    problem = CoverageProblem(window, settings())
-    violation = problem.measure(window.decision(ends.start_position, velocity)).violation
+    problem = CoverageNLP(ocp, settings())
+    violation = problem.measure(ocp.decision(ends.start_position, velocity)).violation
     assert violation == pytest.approx(0.3**2 / (2 * 1.2) - 0.01)
 
 
 @pytest.mark.parametrize("backend", ["piqp", "clarabel", "osqp"])
 def test_plans_along_the_walls_stay_inside_between_samples_too(backend):
     """Cells up to the edge of a box that is hardly wider than the sensing disc pull the agent to the walls."""
-    window, x = random_window(5, steps=12, agents=1)
-    fleet = replace(window.fleet, radius=np.array([[0.3]]))
-    window = replace(window, fleet=fleet)
-    found = refine(window, x, make_backend(backend), sharpness=(4.0, 20.0), iterations=6)
-    position, velocity = window.motion(found.x)
-    force = np.diff(velocity, axis=0) / window.period
-    report = verify_motion(fleet, window.period * np.arange(13), position, velocity, force, at_rest=True)
+    ocp, x = random_window(5, steps=12, agents=1)
+    fleet = replace(ocp.fleet, radius=np.array([[0.3]]))
+    ocp = replace(ocp, fleet=fleet)
+    found = optimise(ocp, x, make_backend(backend), sharpness=(4.0, 20.0), iterations=6)
+    position, velocity = ocp.motion(found.x)
+    force = np.diff(velocity, axis=0) / ocp.period
+    report = verify_motion(fleet, ocp.period * np.arange(13), position, velocity, force, at_rest=True)
     assert found.feasible
     assert report.holds, report.first_failure

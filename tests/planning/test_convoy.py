@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motions import PERIOD, grid
 
-from mpc_cover.planning.convoy import convoy
-from mpc_cover.planning.guesses import rest_guess
-from mpc_cover.planning.planner import Search
+from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
+from mpc_cover.planning.initial_guess.formation import formation_flight
+from mpc_cover.planning.min_time import plan_free_horizon
+from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.task import Task, as_flown
-from mpc_cover.planning.whole import plan_whole
 from mpc_cover.verification.motion import verify_motion
 from solvers.backends.registry import make_backend
 
@@ -53,7 +53,7 @@ def crowds(draw):
 @settings(max_examples=60, deadline=None)
 @given(crowds())
 def test_it_keeps_distances_limits_and_the_box_and_measures_what_it_can(task):
-    motion = convoy(task)
+    motion = formation_flight(task)
     if motion is None:
         return
     moved = motion.position - motion.position[0]
@@ -77,12 +77,14 @@ def test_it_keeps_distances_limits_and_the_box_and_measures_what_it_can(task):
 
 def test_the_dead_stay_and_the_moving_do_not_form_one():
     task = crowd(np.array([[1.0, 1.0], [1.6, 1.0], [3.0, 3.0]]), [1.0] * 3, [1.0] * 3, [[0.8]] * 3, lost=(2,))
-    motion = convoy(task)
+    motion = formation_flight(task)
     assert np.abs(motion.position[:, 2] - [3.0, 3.0]).max() == 0.0
     assert np.abs(motion.position[:, 0] - [1.0, 1.0]).max() > 1.0
-    assert convoy(replace(task, velocity=np.full_like(task.velocity, 0.1))) is None
-    assert convoy(replace(task, velocity=np.full_like(task.velocity, 1e-16))) is not None  # what rounding leaves
-    assert convoy(replace(task, weight=0.0 * task.weight)) is None
+    assert formation_flight(replace(task, velocity=np.full_like(task.velocity, 0.1))) is None
+    assert (
+        formation_flight(replace(task, velocity=np.full_like(task.velocity, 1e-16))) is not None
+    )  # what rounding leaves
+    assert formation_flight(replace(task, weight=0.0 * task.weight)) is None
 
 
 @settings(max_examples=40, deadline=None)
@@ -94,7 +96,9 @@ def test_it_flies_around_the_dead(task, place):
     fleet = fleet_of(
         start, separation_min=0.4, motion_min=np.zeros(2), motion_max=np.full(2, SIDE), lost=(len(start) - 1,)
     )
-    motion = convoy(replace(task, fleet=fleet, position=start, velocity=np.zeros_like(start), weight=task.weight[:1]))
+    motion = formation_flight(
+        replace(task, fleet=fleet, position=start, velocity=np.zeros_like(start), weight=task.weight[:1])
+    )
     if motion is None:
         return
     assert np.abs(motion.position[:, -1] - start[-1]).max() == 0.0
@@ -114,9 +118,9 @@ def test_a_crowd_that_no_qp_sorts_out_moves_all_the_same(monkeypatch):
         still = rest_guess(task.position)
         return [as_flown(task, still, task.flown(still, steps))]
 
-    monkeypatch.setattr("mpc_cover.planning.whole.plan_for", in_vain)
-    found = plan_whole(task, make_backend("piqp"), attempts=1, search=Search(starts=1))
+    monkeypatch.setattr("mpc_cover.planning.min_time.multistart", in_vain)
+    found = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1))
     assert found.complete
     assert found.kind == "rest, then convoy"
-    late = plan_whole(task, make_backend("piqp"), attempts=1, search=Search(starts=1), deadline=0.0)
+    late = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1), deadline=0.0)
     assert late.kind == "rest"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mpc_cover.mission.load import load_mission
-from mpc_cover.planning.deadline import Effort, Meter, late, part_of
-from mpc_cover.planning.engine import Engine
+from mpc_cover.planning.budget import Effort, Meter, late, part_of
+from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
 
 
@@ -35,17 +35,17 @@ def task(looked_at=200):
 
 @pytest.mark.parametrize("backend", ["piqp", "clarabel", "osqp"])
 def test_a_plan_within_an_effort_is_the_same_again_and_keeps_to_it(backend):
-    engine, other = Engine(backend), Engine(backend)
-    first = engine.whole(task(), None, 0.3)
+    planner, other = Planner(backend), Planner(backend)
+    first = planner.whole(task(), None, 0.3)
     again = other.whole(task(), None, 0.3)
     assert first.feasible
     np.testing.assert_array_equal(first.plan.velocity, again.plan.velocity)
-    assert 0.0 < engine._meter.spent_s <= 0.3 + 0.3  # the stage at hand is finished
-    assert engine._meter.spent_s == other._meter.spent_s
+    assert 0.0 < planner._meter.spent_s <= 0.3 + 0.3  # the stage at hand is finished
+    assert planner._meter.spent_s == other._meter.spent_s
 
 
 def test_more_effort_buys_a_plan_that_is_no_worse():
-    little, much = Engine("piqp"), Engine("piqp")
+    little, much = Planner("piqp"), Planner("piqp")
     first, second = little.whole(task(), None, 0.05), much.whole(task(), None, 3.0)
     assert little._meter.spent_s < much._meter.spent_s
     assert second.rank <= first.rank

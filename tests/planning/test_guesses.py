@@ -13,10 +13,10 @@ from motions import PERIOD, grid
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.mission.load import load_mission
 from mpc_cover.model.sensing import measured
-from mpc_cover.planning.follow import follow
-from mpc_cover.planning.guesses import rest_guess, sweep_guesses, tour_guess
-from mpc_cover.planning.lanes import assign, cut_lanes, cut_snake, strips, swath_of, take_pieces
-from mpc_cover.planning.stretches import resampled
+from mpc_cover.planning.initial_guess.boustrophedon import rest_guess, sweep_guesses, tour_guess
+from mpc_cover.planning.initial_guess.lanes import assign, cut_lanes, cut_snake, strips, swath_of, take_pieces
+from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
+from mpc_cover.planning.segment_refinement import resampled
 from mpc_cover.verification.motion import verify_motion
 
 
@@ -40,7 +40,7 @@ def test_following_random_waypoints_keeps_all_limits_and_ends_at_rest(seed, step
         motion_max=np.full(2, 10.0),
     )
     paths = [rng.uniform(0.5, 9.5, (int(rng.integers(1, 5)), 2)) for _ in range(agents)]
-    flight = follow(paths, start, np.zeros_like(start), fleet, PERIOD, steps=steps)
+    flight = track_waypoints(paths, start, np.zeros_like(start), fleet, PERIOD, steps=steps)
     report = verified(flight, fleet)
     assert report.holds, report.first_failure
     if steps is not None:
@@ -49,7 +49,7 @@ def test_following_random_waypoints_keeps_all_limits_and_ends_at_rest(seed, step
 
 def test_without_a_number_of_steps_it_arrives():
     start = np.array([[1.0, 1.0]])
-    flight = follow([np.array([[8.0, 1.0], [8.0, 6.0]])], start, np.zeros((1, 2)), fleet_of(start), PERIOD)
+    flight = track_waypoints([np.array([[8.0, 1.0], [8.0, 6.0]])], start, np.zeros((1, 2)), fleet_of(start), PERIOD)
     assert flight.position[-1, 0] == pytest.approx([8.0, 6.0], abs=0.6)
 
 
@@ -60,7 +60,7 @@ def test_it_arrives_in_time_however_far_it_goes_in_a_sample(seed, period):
     start, speed, force = rng.uniform(0.0, 6.0, (1, 2)), rng.uniform(0.2, 2.0), rng.uniform(0.3, 3.0)
     fleet = fleet_of(start, input_max=np.array([force]), speed_max=np.array([speed]))
     path = rng.uniform(0.0, 6.0, (int(rng.integers(1, 12)), 2))
-    flight = follow([path], start, np.zeros_like(start), fleet, period)
+    flight = track_waypoints([path], start, np.zeros_like(start), fleet, period)
     length = float(np.linalg.norm(np.diff(np.concatenate([start, path]), axis=0), axis=1).sum())
     turns = (len(path) + 1) * (2.0 * speed / force + 2.0 * period)
     assert flight.steps * period < 2.0 * (length / speed + turns)
@@ -73,7 +73,7 @@ def test_sweeps_and_tours_cover_nearly_everything_as_they_fly(name):
     owed = np.ones((1, cell.shape[0]))
     kinds = set()
     for guess in [*sweep_guesses(fleet, cell, owed, fleet.start, PERIOD), tour_guess(fleet, cell, owed, fleet.start)]:
-        flight = follow(guess.paths, fleet.start, np.zeros_like(fleet.start), fleet, PERIOD)
+        flight = track_waypoints(guess.paths, fleet.start, np.zeros_like(fleet.start), fleet, PERIOD)
         seen = np.any([measured(q, cell, fleet.radius) for q in flight.position], axis=0)
         kinds.add(guess.kind.split()[0])
         assert seen.mean() > 0.9, guess.kind
@@ -152,5 +152,5 @@ def test_the_cost_of_a_complete_sweep_is_near_zero():
     fleet, cell = mission.fleet, mission.field.cell
     owed = np.ones((1, cell.shape[0]))
     guess = next(iter(sweep_guesses(fleet, cell, owed, fleet.start, PERIOD)))
-    flight = follow(guess.paths, fleet.start, np.zeros_like(fleet.start), fleet, PERIOD)
+    flight = track_waypoints(guess.paths, fleet.start, np.zeros_like(fleet.start), fleet, PERIOD)
     assert coverage_cost(flight.position, cell, fleet.radius, owed) < 2.0

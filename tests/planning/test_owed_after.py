@@ -6,7 +6,7 @@ import numpy as np
 from mission_kinds import mission_with
 
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.plan import resting_plan
+from mpc_cover.model.trajectory import resting_plan
 from mpc_cover.planning.task import Task
 
 

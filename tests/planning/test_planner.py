@@ -12,11 +12,11 @@ from motions import PERIOD, grid
 
 from mpc_cover.errors import InvalidInputError, UserError
 from mpc_cover.mission.load import build_mission, load_mission
-from mpc_cover.planning.engine import Engine
+from mpc_cover.planning.min_time import plan_free_horizon, plan_min_time
+from mpc_cover.planning.multistart import Search, initial_guesses, multistart
 from mpc_cover.planning.offline import PlanOptions, offline_task, plan_mission
-from mpc_cover.planning.planner import Search, plan_for, starts
+from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
-from mpc_cover.planning.whole import plan_shortest, plan_whole
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.motion import verify_motion
 from solvers.backends.registry import make_backend
@@ -48,7 +48,7 @@ def holds(task, plan):
 @pytest.mark.parametrize("backend", ["piqp", "osqp", "clarabel"])
 def test_a_whole_plan_covers_everything_and_verifies(backend):
     task = small_task()
-    found = plan_whole(task, make_backend(backend), attempts=3)
+    found = plan_free_horizon(task, make_backend(backend), attempts=3)
     assert found.complete
     assert holds(task, found.plan)
     assert found.plan.steps * PERIOD < 8.0
@@ -56,14 +56,14 @@ def test_a_whole_plan_covers_everything_and_verifies(backend):
 
 def test_a_single_agent_plans_too():
     task = small_task(agents=1)
-    found = plan_whole(task, make_backend("piqp"), attempts=4)
+    found = plan_free_horizon(task, make_backend("piqp"), attempts=4)
     assert found.complete
     assert holds(task, found.plan)
 
 
 def test_a_fleet_that_moves_is_planned_from_its_velocity():
     task = replace(small_task(), velocity=np.array([[0.0, 1.2], [0.0, 1.2]]))
-    found = plan_whole(task, make_backend("piqp"), attempts=2)
+    found = plan_free_horizon(task, make_backend("piqp"), attempts=2)
     assert found.feasible
     assert holds(task, found.plan)
 
@@ -71,15 +71,15 @@ def test_a_fleet_that_moves_is_planned_from_its_velocity():
 def test_with_nothing_owed_it_stays_and_with_no_time_it_still_answers():
     task = small_task()
     nothing = replace(task, weight=np.zeros_like(task.weight))
-    assert plan_whole(nothing, make_backend("piqp")).plan.position[-1] == pytest.approx(task.position)
-    late = plan_whole(task, make_backend("piqp"), deadline=time.perf_counter() - 1.0)
+    assert plan_free_horizon(nothing, make_backend("piqp")).plan.position[-1] == pytest.approx(task.position)
+    late = plan_free_horizon(task, make_backend("piqp"), deadline=time.perf_counter() - 1.0)
     assert late.feasible
     assert holds(task, late.plan)
 
 
 def test_what_is_too_short_for_everything_is_still_feasible_and_best_effort():
     task = small_task()
-    found = plan_for(task, make_backend("piqp"), 4)[0]
+    found = multistart(task, make_backend("piqp"), 4)[0]
     assert found.feasible
     assert not found.complete
     assert found.plan.steps == 4
@@ -87,7 +87,7 @@ def test_what_is_too_short_for_everything_is_still_feasible_and_best_effort():
 
 
 def test_it_is_deterministic():
-    one, two = (plan_whole(small_task(), make_backend("piqp"), attempts=2) for _ in range(2))
+    one, two = (plan_free_horizon(small_task(), make_backend("piqp"), attempts=2) for _ in range(2))
     assert one.plan.velocity.tobytes() == two.plan.velocity.tobytes()
 
 
@@ -100,17 +100,17 @@ def test_an_offline_plan_of_the_demo_mission_is_complete_and_passes_the_check():
 
 def test_more_starts_are_random_relatives_and_the_same_for_a_seed():
     task = small_task()
-    names = [[g.kind for g, _ in zip(starts(task, Search(seed=4)), range(24), strict=False)] for _ in range(2)]
+    names = [[g.kind for g, _ in zip(initial_guesses(task, Search(seed=4)), range(24), strict=False)] for _ in range(2)]
     assert names[0] == names[1]
     assert len(set(names[0])) == 24
     assert "random" in names[0][-1]
-    only = list(starts(task, Search(kinds=("tour", names[0][1]))))
+    only = list(initial_guesses(task, Search(kinds=("tour", names[0][1]))))
     assert [guess.kind for guess in only] == ["tour", names[0][1]]
 
 
 def test_the_shortest_plan_is_complete_and_one_sample_less_was_tried():
     task, told = small_task(), []
-    found = plan_shortest(
+    found = plan_min_time(
         task, make_backend("piqp"), search=Search(starts=4, finalists=1), told=lambda n, c: told.append((n, c.complete))
     )
     assert found.complete
@@ -186,10 +186,12 @@ def test_offline_planning_says_what_is_wrong():
     with pytest.raises(InvalidInputError, match=r"planning\.duration_s"):
         build_mission(spec, "mission")
     with pytest.raises(UserError, match="clarabel"):
-        Engine("gurobi")
+        Planner("gurobi")
 
 
 def test_a_large_task_that_nothing_keeps_gets_an_answer_that_says_so():
     slow = replace(small_task().fleet, speed_max=np.full(2, 0.02), separation_min=1.5)
-    best = plan_whole(replace(small_task(), fleet=slow), make_backend("piqp"), deadline=time.perf_counter() - 1.0)
+    best = plan_free_horizon(
+        replace(small_task(), fleet=slow), make_backend("piqp"), deadline=time.perf_counter() - 1.0
+    )
     assert not best.feasible

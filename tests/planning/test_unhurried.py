@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from motions import PERIOD, grid
 
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.dwelling import dwell, pieces_of, timed
-from mpc_cover.planning.follow import follow_samples
-from mpc_cover.planning.guesses import Guess
-from mpc_cover.planning.task import Task, as_flown, takes_laps
-from mpc_cover.planning.unhurried import _flown, mended, unhurried
+from mpc_cover.planning.initial_guess.boustrophedon import Guess
+from mpc_cover.planning.initial_guess.dwell_time_lp import discretised, solve_dwell_times, timed_samples
+from mpc_cover.planning.initial_guess.timed_sweeps import _flown, repaired, timed_sweeps
+from mpc_cover.planning.initial_guess.waypoint_tracking import track_samples
+from mpc_cover.planning.task import Task, as_flown, needs_laps
 from mpc_cover.verification.motion import verify_motion
 from solvers.backends.registry import make_backend
 
@@ -28,7 +28,7 @@ def at(*points):
 @given(looks=st.floats(1.0, 40.0), agents=st.integers(1, 4))
 def test_agents_beside_one_cell_share_its_looks_evenly(looks, agents):
     fleet = fleet_of(np.repeat(at([0.0, 0.0]), agents, axis=0))
-    found = dwell([at([0.0, 0.1])] * agents, fleet, at([0.0, 0.0]), np.array([[looks]]), PERIOD)
+    found = solve_dwell_times([at([0.0, 0.1])] * agents, fleet, at([0.0, 0.0]), np.array([[looks]]), PERIOD)
     times = np.array([samples.sum() for samples in found.samples])
     assert times.sum() == pytest.approx(looks, rel=1e-6)
     assert times.max() == pytest.approx(looks / agents, rel=1e-6)
@@ -36,7 +36,9 @@ def test_agents_beside_one_cell_share_its_looks_evenly(looks, agents):
 
 def test_two_cells_far_apart_take_the_sum_of_their_looks_and_the_way_between():
     fleet = fleet_of(at([0.0, 0.0]))
-    found = dwell([at([0.0, 0.0], [10.0, 0.0])], fleet, at([0.0, 0.0], [10.0, 0.0]), np.array([[4.0, 7.0]]), PERIOD)
+    found = solve_dwell_times(
+        [at([0.0, 0.0], [10.0, 0.0])], fleet, at([0.0, 0.0], [10.0, 0.0]), np.array([[4.0, 7.0]]), PERIOD
+    )
     # 10 m at three quarters of 1.5 m/s are 17.8 samples, of which 0.98 m at either end count as looks too
     way, ends = 10.0 / (0.75 * 1.5 * PERIOD), 0.98 / (0.75 * 1.5 * PERIOD)
     assert found.samples[0].sum() == pytest.approx(11.0 + way - 2.0 * ends, abs=2.0 * 0.25 / (0.75 * 1.5 * PERIOD))
@@ -50,7 +52,7 @@ def test_every_cell_in_reach_gets_what_it_is_owed_and_nobody_is_too_fast(seed):
     fleet = fleet_of(rng.uniform(0.0, 4.0, (agents, 2)), radius=rng.uniform(0.8, 1.5, (agents, 1)))
     cell, paths = grid(8, 0.5), [rng.uniform(0.0, 4.0, (int(rng.integers(1, 5)), 2)) for _ in range(agents)]
     looks = rng.integers(0, 9, (1, cell.shape[0])).astype(float)
-    found = dwell(paths, fleet, cell, looks, PERIOD)
+    found = solve_dwell_times(paths, fleet, cell, looks, PERIOD)
     got = np.zeros(cell.shape[0])
     reachable = np.zeros(cell.shape[0], dtype=bool)
     for i, (point, samples) in enumerate(zip(found.point, found.samples, strict=True)):
@@ -64,7 +66,7 @@ def test_every_cell_in_reach_gets_what_it_is_owed_and_nobody_is_too_fast(seed):
 @given(seed=st.integers(0, 10**6), longest=st.floats(0.1, 2.0))
 def test_pieces_are_short_and_make_up_the_path(seed, longest):
     path = np.random.default_rng(seed).uniform(-3.0, 3.0, (4, 2))
-    point, length = pieces_of(path, longest)
+    point, length = discretised(path, longest)
     assert length.sum() == pytest.approx(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     assert np.linalg.norm(np.diff(point, axis=0), axis=1).max() <= longest + 1e-9
     for waypoint in path:
@@ -73,8 +75,10 @@ def test_pieces_are_short_and_make_up_the_path(seed, longest):
 
 def test_whoever_dwells_is_where_the_programme_says_for_as_long():
     fleet = fleet_of(at([0.0, 0.0]))
-    found = dwell([at([0.0, 0.0], [6.0, 0.0])], fleet, at([0.0, 0.0], [6.0, 0.0]), np.array([[10.0, 10.0]]), PERIOD)
-    where = timed(found, int(np.ceil(found.samples[0].sum())))[:, 0, 0]
+    found = solve_dwell_times(
+        [at([0.0, 0.0], [6.0, 0.0])], fleet, at([0.0, 0.0], [6.0, 0.0]), np.array([[10.0, 10.0]]), PERIOD
+    )
+    where = timed_samples(found, int(np.ceil(found.samples[0].sum())))[:, 0, 0]
     assert where[0] == 0.0
     assert where[-1] == pytest.approx(6.0)
     assert (np.diff(where) >= -1e-12).all()
@@ -88,7 +92,7 @@ def test_whatever_is_wanted_the_motion_keeps_the_limits_and_ends_at_rest(seed, s
     rng = np.random.default_rng(seed)
     fleet = fleet_of(rng.uniform(-1.0, 1.0, (3, 2)))
     wanted = fleet.start + np.cumsum(rng.normal(scale=wild, size=(steps + 1, 3, 2)), axis=0)
-    motion = follow_samples(wanted, fleet.start, np.zeros((3, 2)), fleet, PERIOD)
+    motion = track_samples(wanted, fleet.start, np.zeros((3, 2)), fleet, PERIOD)
     force = np.diff(motion.velocity, axis=0) / PERIOD
     assert np.linalg.norm(motion.velocity, axis=2).max() <= 1.5
     assert np.linalg.norm(force, axis=2).max() <= 1.5 + 1e-9
@@ -102,7 +106,7 @@ def test_whatever_is_wanted_the_motion_keeps_the_limits_and_ends_at_rest(seed, s
 def test_what_is_wanted_slowly_is_flown_closely():
     fleet, turn = fleet_of(at([2.0, 0.0])), np.linspace(0.0, np.pi, 60)
     wanted = np.stack([2.0 * np.cos(turn), 2.0 * np.sin(turn)], axis=1)[:, None]
-    motion = follow_samples(wanted, fleet.start, np.zeros((1, 2)), fleet, PERIOD)
+    motion = track_samples(wanted, fleet.start, np.zeros((1, 2)), fleet, PERIOD)
     assert np.abs(motion.position[: len(wanted)] - wanted).max() < 0.08
 
 
@@ -121,7 +125,7 @@ def many_looks(looks=8, agents=2, velocity=0.0, **fleet):
 @pytest.mark.parametrize("velocity", [0.0, 0.4])
 def test_a_slow_sweep_brings_all_looks_and_keeps_every_bound(velocity):
     task = many_looks(velocity=velocity)
-    best = min(unhurried(task, 18), key=lambda candidate: candidate.rank)
+    best = min(timed_sweeps(task, 18), key=lambda candidate: candidate.rank)
     assert best.complete
     assert best.kind.startswith("slow ")
     plan = best.plan
@@ -137,18 +141,18 @@ def test_looks_that_differ_from_cell_to_cell_and_agents_that_differ():
     task = many_looks(radius=np.array([[1.0], [1.4]]), speed_max=np.array([1.5, 0.7]))
     task = replace(task, looks=rng.integers(0, 12, task.looks.shape), weight=np.ones_like(task.weight))
     task = replace(task, weight=np.where(task.looks > 0, 1.0, 0.0))
-    best = min(unhurried(task, 18), key=lambda candidate: candidate.rank)
+    best = min(timed_sweeps(task, 18), key=lambda candidate: candidate.rank)
     assert best.complete
 
 
 def test_one_plan_comes_even_when_time_is_up():
-    assert unhurried(many_looks(), 18, deadline=0.0)
+    assert timed_sweeps(many_looks(), 18, deadline=0.0)
 
 
 def test_few_looks_take_no_laps():
-    assert not takes_laps(None)
-    assert not takes_laps(np.array([[3, 0, 1]]))
-    assert takes_laps(np.array([[0, 4]]))
+    assert not needs_laps(None)
+    assert not needs_laps(np.array([[3, 0, 1]]))
+    assert needs_laps(np.array([[0, 4]]))
 
 
 def test_plans_that_break_the_separation_are_mended():
@@ -157,7 +161,7 @@ def test_plans_that_break_the_separation_are_mended():
     motions = list(_flown(task, Guess("crossing", crossing)))
     flown = [as_flown(task, Guess("crossing", crossing), motion) for motion in motions]
     assert not any(candidate.feasible for candidate in flown)
-    best = mended(task, flown, make_backend("piqp"), 1, None)[0]
+    best = repaired(task, flown, make_backend("piqp"), 1, None)[0]
     assert best.feasible
     assert best.refined.violation < min(candidate.refined.violation for candidate in flown)
-    assert not mended(task, flown, make_backend("piqp"), 1, deadline=0.0)
+    assert not repaired(task, flown, make_backend("piqp"), 1, deadline=0.0)

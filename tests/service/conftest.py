@@ -1,5 +1,5 @@
 import pytest
-from service_fakes import Bench, SweepBrain, small_mission
+from service_fakes import Bench, SweepLaw, small_mission
 
 
 @pytest.fixture
@@ -13,5 +13,5 @@ def bench(mission):
 
 
 @pytest.fixture
-def brain(mission):
-    return SweepBrain(mission)
+def law(mission):
+    return SweepLaw(mission)

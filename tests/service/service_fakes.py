@@ -11,15 +11,15 @@ from mpc_cover.clock import VirtualClock
 from mpc_cover.information.coverage_map import CoverageMap
 from mpc_cover.mission.load import Mission, build_mission
 from mpc_cover.model.motion import roll_out
-from mpc_cover.planning.plan import Plan
-from mpc_cover.service.agent import Agent
-from mpc_cover.service.controller import Controller
-from mpc_cover.service.decoding import decode_event, decode_state
-from mpc_cover.service.flight import predict
-from mpc_cover.service.keys import Keys
-from mpc_cover.service.local import LocalBus
-from mpc_cover.service.messages import PlanMessage
-from mpc_cover.service.recorder import MemoryRecorder
+from mpc_cover.model.trajectory import Plan
+from mpc_cover.service.agent.agent import Agent
+from mpc_cover.service.agent.recorder import MemoryRecorder
+from mpc_cover.service.agent.schedule import predict
+from mpc_cover.service.controller.tick import Controller
+from mpc_cover.service.protocol.decoding import decode_event, decode_state
+from mpc_cover.service.protocol.keys import Keys
+from mpc_cover.service.protocol.local import LocalBus
+from mpc_cover.service.protocol.messages import PlanMessage
 
 
 class FakeRung(Enum):
@@ -30,7 +30,7 @@ class FakeRung(Enum):
 @dataclass(frozen=True)
 class FakeResult:
     plan: Plan
-    rung: Enum = FakeRung.NEW
+    plan_source: Enum = FakeRung.NEW
     reason: str = ""
     computing_time_s: float = 0.001
     deadline_missed: bool = False
@@ -54,7 +54,7 @@ def small_mission(height=4.0, *, disturbance=None, reach=3.0, **control) -> Miss
     return build_mission(raw, "small")
 
 
-class SweepBrain:
+class SweepLaw:
     """Goes straight up to `goal_y` [m] from wherever it is, then down again should anything be owed."""
 
     def __init__(self, mission: Mission, goal_y: float = 3.5) -> None:
@@ -113,7 +113,7 @@ class SweepBrain:
         return force if inside else None
 
 
-class SharingBrain(SweepBrain):
+class SharingBrain(SweepLaw):
     """A sweep that is told who is lost and who is slow; plans for the lost are never sent."""
 
     def __init__(self, mission: Mission, goal_y: float = 3.5) -> None:
@@ -165,9 +165,9 @@ class Bench:
         self.agents.remove(agent)
         self.transports[agent.id].close()
 
-    def controller(self, brain, **options) -> Controller:
+    def controller(self, law, **options) -> Controller:
         options = {"deadlines": False, "say": self.said.append, **options}
-        controller = Controller(self.mission, brain, self.bus.join(), self.clock, **options)
+        controller = Controller(self.mission, law, self.bus.join(), self.clock, **options)
         controller.startup()
         return controller
 

@@ -7,9 +7,9 @@ import pytest
 from service_fakes import straight_plan
 
 from mpc_cover.clock import VirtualClock
-from mpc_cover.service import bus
-from mpc_cover.service.decoding import MAX_PAYLOAD, Reason
-from mpc_cover.service.messages import PlanMessage, PlanRef, encode
+from mpc_cover.service.protocol import bus
+from mpc_cover.service.protocol.decoding import MAX_PAYLOAD, Reason
+from mpc_cover.service.protocol.messages import PlanMessage, PlanRef, encode
 
 
 @pytest.fixture

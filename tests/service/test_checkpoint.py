@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from service_fakes import small_mission
 
-from mpc_cover.service import state_directory
-from mpc_cover.service.checkpoint import FileJournal, pack, unpack
-from mpc_cover.service.journal import Snapshot
-from mpc_cover.service.state_directory import StateDirectory, StateError
+from mpc_cover.service.controller import state_directory
+from mpc_cover.service.controller.checkpoint import FileCheckpoints, pack, unpack
+from mpc_cover.service.controller.snapshot import Snapshot
+from mpc_cover.service.controller.state_directory import StateDirectory, StateError
 
 
 def snapshot(mission, mission_time_s=1.0, **fields):
@@ -25,14 +25,14 @@ def folder(tmp_path):
         yield folder
 
 
-def journal(folder, mission, **options):
-    return FileJournal(folder, mission, **options)
+def checkpoints(folder, mission, **options):
+    return FileCheckpoints(folder, mission, **options)
 
 
 def test_what_is_kept_is_found(folder, mission):
     kept = snapshot(mission, 7.25, origins={"a1-life": 93.5}, lost={"a2": [1.25, 0.5]}, heard={"a1-life": 71})
-    assert journal(folder, mission).save(kept, now=True) is None
-    found, text = journal(folder, mission).load()
+    assert checkpoints(folder, mission).save(kept, now=True) is None
+    found, text = checkpoints(folder, mission).load()
     assert (found.mission_time_s, found.finished, found.origins) == (7.25, False, {"a1-life": 93.5})
     assert found.lost == {"a2": [1.25, 0.5]}
     assert found.heard == {"a1-life": 71}
@@ -41,21 +41,21 @@ def test_what_is_kept_is_found(folder, mission):
 
 
 def test_nothing_kept_nothing_said(folder, mission):
-    assert journal(folder, mission).load() == (None, "")
+    assert checkpoints(folder, mission).load() == (None, "")
 
 
 def test_torn_anywhere_the_older_one_is_found(folder, mission):
     """At every byte."""
-    writer = journal(folder, mission)
+    writer = checkpoints(folder, mission)
     for time_s in (1.0, 2.0):
         writer.save(snapshot(mission, time_s), now=True)
     newest = max(folder.path.glob("coverage.*"), key=lambda path: unpack(path.read_bytes())[1])
     data = newest.read_bytes()
     for length in range(len(data)):
         newest.write_bytes(data[:length])
-        assert journal(folder, mission).load()[0].mission_time_s == 1.0
+        assert checkpoints(folder, mission).load()[0].mission_time_s == 1.0
     newest.write_bytes(data)
-    assert journal(folder, mission).load()[0].mission_time_s == 2.0
+    assert checkpoints(folder, mission).load()[0].mission_time_s == 2.0
 
 
 def test_a_flipped_bit_anywhere_is_seen(mission):
@@ -66,42 +66,42 @@ def test_a_flipped_bit_anywhere_is_seen(mission):
 
 
 def test_when_both_are_damaged_it_starts_afresh_and_says_so(folder, mission):
-    writer = journal(folder, mission)
+    writer = checkpoints(folder, mission)
     for time_s in (1.0, 2.0):
         writer.save(snapshot(mission, time_s), now=True)
     for path in folder.path.glob("coverage.*"):
         path.write_bytes(b"\0" * 100)
-    assert journal(folder, mission).load() == (None, "no checkpoint is readable: starts afresh")
+    assert checkpoints(folder, mission).load() == (None, "no checkpoint is readable: starts afresh")
 
 
 def test_generations_go_on_after_a_restart(folder, mission):
     for time_s in (1.0, 2.0, 3.0):
-        journal(folder, mission).save(snapshot(mission, time_s), now=True)
-        assert journal(folder, mission).load()[0].mission_time_s == time_s
+        checkpoints(folder, mission).save(snapshot(mission, time_s), now=True)
+        assert checkpoints(folder, mission).load()[0].mission_time_s == time_s
 
 
 def test_another_mission_of_the_same_name_is_not_resumed(folder, mission):
-    journal(folder, mission).save(snapshot(mission), now=True)
-    found, text = journal(folder, small_mission(time_limit_s=5.0)).load()
+    checkpoints(folder, mission).save(snapshot(mission), now=True)
+    found, text = checkpoints(folder, small_mission(time_limit_s=5.0)).load()
     assert found is None
     assert "another version of this mission" in text
 
 
 def test_a_finished_mission_starts_afresh_and_says_so(folder, mission):
-    journal(folder, mission).save(snapshot(mission, finished=True), now=True)
-    assert journal(folder, mission).load() == (None, "the mission was finished: starts afresh")
+    checkpoints(folder, mission).save(snapshot(mission, finished=True), now=True)
+    assert checkpoints(folder, mission).load() == (None, "the mission was finished: starts afresh")
 
 
 def test_it_is_written_once_a_second(folder, mission):
     now = 0.0
-    writer = journal(folder, mission, monotonic=lambda: now)
+    writer = checkpoints(folder, mission, monotonic=lambda: now)
     for now in (10.0, 10.5, 10.9, 11.0, 11.5):
         writer.save(snapshot(mission, now), now=False)
-    assert journal(folder, mission).load()[0].mission_time_s == 11.0
+    assert checkpoints(folder, mission).load()[0].mission_time_s == 11.0
 
 
 def test_a_disk_that_is_full_is_told_and_the_older_one_stays(folder, mission, monkeypatch):
-    writer = journal(folder, mission)
+    writer = checkpoints(folder, mission)
     writer.save(snapshot(mission, 1.0), now=True)
 
     def full(_):
@@ -111,9 +111,9 @@ def test_a_disk_that_is_full_is_told_and_the_older_one_stays(folder, mission, mo
     problem = writer.save(snapshot(mission, 2.0), now=True)
     assert problem == "the checkpoint cannot be written: No space left on device; control goes on"
     monkeypatch.undo()
-    assert journal(folder, mission).load()[0].mission_time_s == 1.0
+    assert checkpoints(folder, mission).load()[0].mission_time_s == 1.0
     assert writer.save(snapshot(mission, 3.0), now=True) is None
-    assert journal(folder, mission).load()[0].mission_time_s == 3.0
+    assert checkpoints(folder, mission).load()[0].mission_time_s == 3.0
 
 
 def test_epochs_only_grow(tmp_path):
@@ -136,7 +136,8 @@ def test_a_second_controller_is_told_of_the_first(folder):
 
 def test_a_killed_holder_lets_go_of_the_lock(tmp_path):
     code = (
-        "import sys; from pathlib import Path; from mpc_cover.service.state_directory import StateDirectory\n"
+        "import sys; from pathlib import Path\n"
+        "from mpc_cover.service.controller.state_directory import StateDirectory\n"
         "held = StateDirectory(Path(sys.argv[1])); print('held', flush=True); sys.stdin.read()"
     )
     with subprocess.Popen(

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from service_fakes import small_mission, until
 
-from mpc_cover.trajectory import load_trajectory
+from mpc_cover.trajectory_file import load_trajectory
 from mpc_cover.verification.check import check_trajectory
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from mpc_cover.mission.load import load_mission
-from mpc_cover.service.demo_watch import Watch, ended_well
+from mpc_cover.service.run.demo_watch import Watch, ended_well
 
 
 @pytest.mark.parametrize(("name", "words"), [("patrol", "the patrol is over"), ("kalman", "everything is covered")])

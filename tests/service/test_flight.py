@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpc_cover.model.motion import roll_out
-from mpc_cover.service.flight import STANDSTILL, Flight, Plant, Schedule, predict
-from mpc_cover.service.messages import PlanRef
+from mpc_cover.service.agent.schedule import STANDSTILL, Flight, Plant, Schedule, predict
+from mpc_cover.service.protocol.messages import PlanRef
 
 
 def flight(start_s, force, *, period=0.5, position=(0.0, 0.0), velocity=(0.0, 0.0), seq=0):

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from mission_kinds import KINDS, SEVERAL
 from mission_kinds import mission_with as kinds_mission
-from service_fakes import Bench, SweepBrain
+from service_fakes import Bench, SweepLaw
 
 from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.information.build import make_map
-from mpc_cover.planning.guesses import rest_guess, tour_guess
+from mpc_cover.planning.initial_guess.boustrophedon import rest_guess, tour_guess
 from mpc_cover.planning.task import as_flown
-from mpc_cover.service.checkpoint import FileJournal
-from mpc_cover.service.messages import Phase
-from mpc_cover.service.simulate import simulate
-from mpc_cover.service.state_directory import StateDirectory
-from mpc_cover.trajectory import load_trajectory, save_trajectory
+from mpc_cover.service.controller.checkpoint import FileCheckpoints
+from mpc_cover.service.controller.state_directory import StateDirectory
+from mpc_cover.service.protocol.messages import Phase
+from mpc_cover.service.run.simulate import simulate
+from mpc_cover.trajectory_file import load_trajectory, save_trajectory
 from mpc_cover.verification.check import check_trajectory
 
 
@@ -30,13 +30,13 @@ def mission_with(information, **options):
 @pytest.mark.parametrize("kind", SEVERAL)
 def test_it_is_finished_and_what_was_counted_was_flown(kind, tmp_path):
     mission = mission_with(KINDS[kind], time_limit_s=60.0)
-    brain, statuses = RecedingHorizon(mission), []
-    result = simulate(mission, brain=brain, on_tick=statuses.append)
+    law, statuses = RecedingHorizon(mission), []
+    result = simulate(mission, law=law, on_tick=statuses.append)
     assert result.complete
     report = check_trajectory(result.trajectory)
     assert report.holds, report.first_failure
     assert np.isfinite(result.trajectory.covered_at).all()
-    np.testing.assert_allclose(brain.coverage.covered_at, result.trajectory.covered_at, atol=1e-6)
+    np.testing.assert_allclose(law.coverage.covered_at, result.trajectory.covered_at, atol=1e-6)
     assert statuses[-1].covered_count == mission.field.size
     save_trajectory(result.trajectory, tmp_path / "t.npz")
     assert check_trajectory(load_trajectory(tmp_path / "t.npz")).holds
@@ -46,16 +46,16 @@ def test_a_kalman_flight_is_the_same_again():
     mission = mission_with(KINDS["kalman"], time_limit_s=60.0)
     flights = []
     for _ in range(2):
-        brain = RecedingHorizon(mission)
-        result = simulate(mission, brain=brain)
-        flights.append((result.trajectory.position.tobytes(), brain.coverage.map.estimate.tobytes()))
+        law = RecedingHorizon(mission)
+        result = simulate(mission, law=law)
+        flights.append((result.trajectory.position.tobytes(), law.coverage.map.estimate.tobytes()))
     assert flights[0] == flights[1]
 
 
 def test_a_patrol_goes_on_until_its_time_is_over():
     mission = mission_with(KINDS["ageing"], time_limit_s=25.0)
-    brain, statuses = RecedingHorizon(mission), []
-    result = simulate(mission, brain=brain, on_tick=statuses.append)
+    law, statuses = RecedingHorizon(mission), []
+    result = simulate(mission, law=law, on_tick=statuses.append)
     assert result.complete
     assert statuses[-1].phase is Phase.COMPLETE
     assert "the patrol ends after control.time_limit_s 25 s" in result.events[-1]
@@ -63,24 +63,24 @@ def test_a_patrol_goes_on_until_its_time_is_over():
     assert check_trajectory(result.trajectory).holds
     laps = np.isfinite(result.trajectory.covered_at)
     assert laps.all()
-    assert brain.coverage.ages.worst_age < 25.0 - result.trajectory.covered_at.max()  # everything was seen again
+    assert law.coverage.ages.worst_age < 25.0 - result.trajectory.covered_at.max()  # everything was seen again
 
 
 def test_where_no_way_on_is_found_in_flight_it_is_planned_at_rest(monkeypatch):
     """Laps too long to be planned in a control step: many looks, no slow sweep, and a search in flight in vain."""
     mission = mission_with({"kind": "looks", "looks": 8}, time_limit_s=120.0)
-    brain = RecedingHorizon(mission)
+    law = RecedingHorizon(mission)
     prepared = []
 
     def nothing(task, deadline):
         still = rest_guess(task.position)
         return as_flown(task, still, task.flown(still, task.least_steps))
 
-    monkeypatch.setattr(brain._engine, "unhurried", lambda *_, **__: [])
-    monkeypatch.setattr(brain._engine, "quick", nothing)
+    monkeypatch.setattr(law._planner, "timed_sweeps", lambda *_, **__: [])
+    monkeypatch.setattr(law._planner, "quick", nothing)
     whole = lambda task, deadline, effort_s: prepared.append(task) or one_lap(task)  # noqa: E731
-    monkeypatch.setattr(brain._engine, "whole", whole)
-    result = simulate(mission, brain=brain)
+    monkeypatch.setattr(law._planner, "whole", whole)
+    result = simulate(mission, law=law)
     assert result.complete
     assert len(prepared) > 1
     assert any("a step is too short to plan anew" in event for event in result.events)
@@ -115,11 +115,11 @@ def test_a_successor_counts_no_look_twice_and_misses_none(kind, tmp_path):
         bench.agent(name)
     first = Sweep(mission)
     with StateDirectory(tmp_path / "state") as folder:
-        journal = FileJournal(folder, mission, monotonic=bench.clock.now)
-        controller = bench.controller(first, journal=journal)
+        checkpoints = FileCheckpoints(folder, mission, monotonic=bench.clock.now)
+        controller = bench.controller(first, checkpoints=checkpoints)
         bench.run(controller, until=lambda: controller.mission_time_s > 3.3)
         bench.run(seconds=8.0)  # it died; the agents fly to the ends of their plans, and look on
-        resume, text = FileJournal(folder, mission).load()
+        resume, text = FileCheckpoints(folder, mission).load()
         assert resume is not None, text
         second = Sweep(mission)
         successor = bench.controller(second, epoch=2, identity="second", resume=resume)
@@ -139,7 +139,7 @@ def test_a_successor_counts_no_look_twice_and_misses_none(kind, tmp_path):
             np.testing.assert_allclose(second.coverage.map.kept[name], array, atol=1e-6, err_msg=name)
 
 
-class Sweep(SweepBrain):
+class Sweep(SweepLaw):
     """A sweep up and down that keeps the mission's kind of map."""
 
     def __init__(self, mission):

@@ -1,6 +1,6 @@
 import pytest
 
-from mpc_cover.service.keys import Keys, agent_of, matches
+from mpc_cover.service.protocol.keys import Keys, agent_of, matches
 
 KEYS = Keys("box-3")
 

@@ -8,8 +8,8 @@ from service_fakes import SharingBrain, small_mission
 
 from mpc_cover.errors import InvalidInputError
 from mpc_cover.mission.load import build_mission, load_mission
-from mpc_cover.service.kills import parse_kills
-from mpc_cover.service.simulate import simulate
+from mpc_cover.service.run.fault_injection import parse_kills
+from mpc_cover.service.run.simulate import simulate
 from mpc_cover.verification.check import check_trajectory
 
 
@@ -59,7 +59,7 @@ def test_what_cannot_be_is_said(words, said):
 def test_a_simulation_in_which_nobody_is_left_is_refused():
     mission = small_mission()
     with pytest.raises(InvalidInputError, match="somebody must be left"):
-        simulate(mission, brain=SharingBrain(mission), deaths={"a1": 1.0, "a2": 1.0})
+        simulate(mission, law=SharingBrain(mission), deaths={"a1": 1.0, "a2": 1.0})
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpc_cover.service import decoding
-from mpc_cover.service.decoding import MAX_PAYLOAD, Reason, RejectedError
-from mpc_cover.service.messages import (
+from mpc_cover.service.protocol import decoding
+from mpc_cover.service.protocol.decoding import MAX_PAYLOAD, Reason, RejectedError
+from mpc_cover.service.protocol.messages import (
     CommandReply,
     CommandRequest,
     Event,

@@ -6,9 +6,9 @@ import pytest
 from swarm_missions import swarm_mission
 
 from mpc_cover.clock import VirtualClock
-from mpc_cover.service.bus import Quality
-from mpc_cover.service.local import LocalBus
-from mpc_cover.service.swarm_agent import SwarmAgent
+from mpc_cover.service.protocol.bus import Quality
+from mpc_cover.service.protocol.local import LocalBus
+from mpc_cover.service.swarm.agent import SwarmAgent
 
 HISTORYLESS = Quality("DATA")
 

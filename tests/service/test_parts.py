@@ -12,16 +12,16 @@ from rich.console import Console
 
 from mpc_cover.clock import VirtualClock
 from mpc_cover.errors import UnreadableFileError, UserError
-from mpc_cover.service import processes
-from mpc_cover.service.bus import RequestError
-from mpc_cover.service.daemon import Signals, run
-from mpc_cover.service.local import LocalBus
-from mpc_cover.service.messages import Phase, Status
-from mpc_cover.service.processes import free_port
-from mpc_cover.service.progress import Progress, describe
-from mpc_cover.service.run_folder import RunFolder, default_folder, read_step_times
-from mpc_cover.service.step_log import Step, StepLog, read_steps
-from mpc_cover.service.timeline import Timeline
+from mpc_cover.service.controller.mission_clock import MissionClock
+from mpc_cover.service.controller.step_log import Step, StepLog, read_steps
+from mpc_cover.service.protocol.bus import RequestError
+from mpc_cover.service.protocol.local import LocalBus
+from mpc_cover.service.protocol.messages import Phase, Status
+from mpc_cover.service.run import processes
+from mpc_cover.service.run.daemon import Signals, run
+from mpc_cover.service.run.processes import free_port
+from mpc_cover.service.run.progress import Progress, describe
+from mpc_cover.service.run.run_folder import RunFolder, default_folder, read_step_times
 
 STEP = Step("step", 1.5, 0.02, 0.025, "NEW", "replanned", deadline_missed=True)
 
@@ -83,32 +83,32 @@ def test_the_loop_ends_with_a_signal_and_shuts_down_whatever_happens():
 
 def test_the_grid_is_never_rebased():
     clock = VirtualClock(1e6)
-    timeline = Timeline(clock, 0.1)
-    timeline.start(1e6 + 0.1)
+    mission_clock = MissionClock(clock, 0.1)
+    mission_clock.start(1e6 + 0.1)
     due = []
     for late in (0.0, 0.03, 0.31, 0.0, 0.1, 0.0):
-        timeline.next_tick()
-        due.append(timeline.due_s)
-        clock.wait_until(timeline.due_s + late, Event())
+        mission_clock.next_tick()
+        due.append(mission_clock.due_s)
+        clock.wait_until(mission_clock.due_s + late, Event())
     ticks = (np.array(due) - 1e6) / 0.1
     np.testing.assert_allclose(ticks, [1, 2, 3, 6, 7, 8], atol=1e-6)
 
 
 def test_mission_time_stands_still_while_paused():
     clock = VirtualClock(50.0)
-    timeline = Timeline(clock, 0.5, mission_time_s=7.0)
+    mission_clock = MissionClock(clock, 0.5, mission_time_s=7.0)
     clock.wait_until(60.0, Event())
-    assert timeline.now() == 7.0
-    timeline.start(61.0)
-    assert timeline.now() == 7.0
+    assert mission_clock.now() == 7.0
+    mission_clock.start(61.0)
+    assert mission_clock.now() == 7.0
     clock.wait_until(63.0, Event())
-    assert timeline.now() == 9.0
-    assert timeline.origin_s == 54.0
-    timeline.pause()
+    assert mission_clock.now() == 9.0
+    assert mission_clock.origin_s == 54.0
+    mission_clock.pause()
     clock.wait_until(70.0, Event())
-    assert timeline.now() == 9.0
-    timeline.resume(40.0)
-    assert timeline.now() == 30.0
+    assert mission_clock.now() == 9.0
+    mission_clock.resume(40.0)
+    assert mission_clock.now() == 30.0
 
 
 def test_a_step_log_is_read_back_without_its_torn_line(tmp_path):

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from swarm_missions import swarm_mission
 
-from mpc_cover.control.report import Report
-from mpc_cover.service.decoding import MAX_PAYLOAD, Reason, RejectedError
-from mpc_cover.service.messages import encode
-from mpc_cover.service.radio import Codec, Hello, Word
+from mpc_cover.distributed.state_report import Report
+from mpc_cover.service.protocol.decoding import MAX_PAYLOAD, Reason, RejectedError
+from mpc_cover.service.protocol.messages import encode
+from mpc_cover.service.swarm.radio import Codec, Hello, Word
 
 CODEC = Codec(swarm_mission())
 number = st.floats(-1e6, 1e6)

@@ -5,10 +5,10 @@ import pytest
 from service_fakes import straight_plan
 
 from mpc_cover.errors import UnreadableFileError, UserError
-from mpc_cover.service import bus
-from mpc_cover.service.messages import encode
-from mpc_cover.service.recorder import FileRecorder, Header, MemoryRecorder, read_record
-from mpc_cover.service.recording import merge
+from mpc_cover.service.agent.recorder import FileRecorder, Header, MemoryRecorder, read_record
+from mpc_cover.service.protocol import bus
+from mpc_cover.service.protocol.messages import encode
+from mpc_cover.service.run.recording import merge
 from mpc_cover.verification.check import check_trajectory
 
 

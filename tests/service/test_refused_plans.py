@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from service_fakes import Bench, small_mission, straight_plan
 
-from mpc_cover.control.fallback import plan_from_velocities
-from mpc_cover.service import bus
-from mpc_cover.service.decoding import Reason
-from mpc_cover.service.dispatch import Dispatch
-from mpc_cover.service.fleet_view import FleetView
-from mpc_cover.service.messages import encode
+from mpc_cover.model.fallback_motion import plan_from_velocities
+from mpc_cover.service.controller.fleet_monitor import FleetMonitor
+from mpc_cover.service.controller.plan_publisher import PlanPublisher
+from mpc_cover.service.protocol import bus
+from mpc_cover.service.protocol.decoding import Reason
+from mpc_cover.service.protocol.messages import encode
 
 PERIOD = 0.5
 
@@ -43,14 +43,14 @@ def test_an_agent_tells_what_it_turned_away_until_it_takes_up_another(bench):
 @pytest.mark.parametrize(("off_m", "taken"), [(0.0, True), (0.3, False)])
 def test_where_it_will_be_is_told_without_the_plan_that_it_turned_away(bench, off_m, taken):
     agents = [bench.agent("a1"), bench.agent("a2")]
-    dispatch = Dispatch(bench.mission, bench.bus.join(), 1, "controller")
-    fleet = FleetView(bench.mission, bench.bus.join())
+    plan_publisher = PlanPublisher(bench.mission, bench.bus.join(), 1, "controller")
+    fleet = FleetMonitor(bench.mission, bench.bus.join())
     bench.run(seconds=0.0)
     fleet.receive()
-    dispatch.send(plan_from(bench.mission.fleet.start + off_m, 0.2), fleet.links, 0.0, bench.clock.now())
+    plan_publisher.send(plan_from(bench.mission.fleet.start + off_m, 0.2), fleet.links, 0.0, bench.clock.now())
     bench.run(seconds=PERIOD)
     fleet.receive()
-    flown = [dispatch.schedule(index, link).flying(101.0) for index, link in enumerate(fleet.links)]
-    queued = [dispatch.schedule(index, link).queue for index, link in enumerate(fleet.links)]
+    flown = [plan_publisher.schedule(index, link).flying(101.0) for index, link in enumerate(fleet.links)]
+    queued = [plan_publisher.schedule(index, link).queue for index, link in enumerate(fleet.links)]
     assert all(agent.rejected[Reason.START] == (not taken) for agent in agents)
     assert all((flight is not None or bool(waiting)) == taken for flight, waiting in zip(flown, queued, strict=True))

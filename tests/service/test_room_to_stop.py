@@ -8,10 +8,10 @@ from tiny_mission import TINY
 
 from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.mission.load import build_mission, load_mission
-from mpc_cover.planning.continuation import EXPOSED
-from mpc_cover.planning.engine import Engine
+from mpc_cover.planning.planner import Planner
+from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.planning.task import Task
-from mpc_cover.service.simulate import simulate
+from mpc_cover.service.run.simulate import simulate
 from mpc_cover.verification.check import check_trajectory
 
 CROWD = {
@@ -53,15 +53,15 @@ def test_a_crowd_runs_into_nobody_who_dies(death_s):
 
 def test_plans_of_a_flight_leave_room_to_stop_and_those_without_do_not():
     mission = load_mission("heterogeneous")
-    brain = RecedingHorizon(mission)
+    law = RecedingHorizon(mission)
     still = np.zeros_like(mission.fleet.start)
-    brain.prepare(mission.fleet.start, still, 0.0, deadline=None)
-    plan, footing = brain._whole, brain._footing
+    law.prepare(mission.fleet.start, still, 0.0, deadline=None)
+    plan, constraints = law._whole, law._constraints
     assert plan is not None
-    assert footing.exposure(plan) <= EXPOSED
+    assert constraints.braking_violation(plan) <= BRAKING_TOLERANCE
     cells = np.ones((mission.fleet.radius.shape[1], mission.field.size))
     task = Task(mission.fleet, mission.field.cell, cells, mission.fleet.start, still, 0.0, plan.period)
-    assert footing.exposure(Engine("piqp").whole(task, None, 2.0).plan) > EXPOSED
+    assert constraints.braking_violation(Planner("piqp").whole(task, None, 2.0).plan) > BRAKING_TOLERANCE
 
 
 @pytest.mark.parametrize("death_s", [1.5, 1.83])

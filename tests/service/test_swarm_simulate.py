@@ -9,9 +9,9 @@ from mpc_cover.errors import UserError
 from mpc_cover.information.build import true_field
 from mpc_cover.information.delay import adjacency
 from mpc_cover.mission.load import load_mission
-from mpc_cover.service.radio import Codec
-from mpc_cover.service.swarm_simulate import fly_swarm
-from mpc_cover.trajectory import save_trajectory
+from mpc_cover.service.run.swarm_simulate import fly_swarm
+from mpc_cover.service.swarm.radio import Codec
+from mpc_cover.trajectory_file import save_trajectory
 from mpc_cover.verification.check import check_trajectory
 
 WIND = {"position_noise_m": 0.02, "input_noise_m_per_s2": 0.05, "wind_m_per_s2": [0.03, 0.0]}

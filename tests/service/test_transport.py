@@ -7,12 +7,12 @@ import pytest
 from service_fakes import until
 
 from mpc_cover.clock import MonotonicClock
-from mpc_cover.service import bus
-from mpc_cover.service.bus import RequestError, TransportError
-from mpc_cover.service.decoding import MAX_PAYLOAD
-from mpc_cover.service.network import NetworkOptions, check_endpoint
-from mpc_cover.service.processes import free_port
-from mpc_cover.service.transport import open_transport
+from mpc_cover.service.protocol import bus
+from mpc_cover.service.protocol.bus import RequestError, TransportError
+from mpc_cover.service.protocol.decoding import MAX_PAYLOAD
+from mpc_cover.service.protocol.network import NetworkOptions, check_endpoint
+from mpc_cover.service.protocol.transport import open_transport
+from mpc_cover.service.run.processes import free_port
 
 KEY = "cover/m/agent/a1/plan"
 

@@ -63,4 +63,4 @@ def wiggled(case, seed=0):
     """Return a decision vector that is nobody's optimum: the sweep with noise on its velocities, ends as asked."""
     rng = np.random.default_rng(seed)
     x = start_from(case, "boustrophedon")
-    return case.window.exact_ends(x + 0.05 * rng.standard_normal(x.size))
+    return case.ocp.exact_ends(x + 0.05 * rng.standard_normal(x.size))

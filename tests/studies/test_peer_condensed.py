@@ -37,9 +37,9 @@ def test_the_condensed_derivatives_are_those_of_differences(mission):
     v = form.pack(wiggled(case))
     edges = form.edges(v)
     cost, gradient = form.cost(v, softness)
-    position, _ = case.window.motion(form.unpack(v))
-    window = case.window
-    assert cost == pytest.approx(soft_cost(position, window.cell, window.fleet.radius, window.weight, softness))
+    position, _ = case.ocp.motion(form.unpack(v))
+    ocp = case.ocp
+    assert cost == pytest.approx(soft_cost(position, ocp.cell, ocp.fleet.radius, ocp.weight, softness))
     assert gradient == pytest.approx(slope(lambda v: form.cost(v, softness)[0], v), abs=1e-5)
     jacobian = slope(lambda v: form.slack(v, edges), v)
     assert form.slack_jacobian(v, edges) == pytest.approx(jacobian, abs=1e-6)

@@ -42,14 +42,14 @@ def test_a_feasible_motion_is_feasible_as_transcribed(mission):
 def test_what_is_infeasible_is_infeasible_as_transcribed():
     case = make_case(small_mission())
     form = Transcription(case, soft=True)
-    velocity = np.zeros((case.window.steps + 1, 2, 2))
+    velocity = np.zeros((case.ocp.steps + 1, 2, 2))
     velocity[1:-1, 0, 1] = 1.2  # too hard, and too far from the other
-    x = case.window.decision(case.task.position, velocity)
+    x = case.ocp.decision(case.task.position, velocity)
     lower, upper = form.row_bounds(x)
     rows = evaluated(form, "g", form.pack(x))
     broken = (rows < lower - 1e-9) | (rows > upper + 1e-9)
     assert broken.any()
-    dynamics = case.window.steps * 4
+    dynamics = case.ocp.steps * 4
     assert not broken[:dynamics].any()
 
 
@@ -57,16 +57,16 @@ def test_what_is_infeasible_is_infeasible_as_transcribed():
 def test_the_symbolic_costs_are_the_numerical_ones(mission):
     case = make_case(mission())
     x = wiggled(case)
-    window = case.window
-    position, _ = window.motion(x)
+    ocp = case.ocp
+    position, _ = ocp.motion(x)
     hard = Transcription(case, soft=False)
-    exact = coverage_cost(position, window.cell, window.fleet.radius, window.weight)
+    exact = coverage_cost(position, ocp.cell, ocp.fleet.radius, ocp.weight)
     assert evaluated(hard, "f", hard.pack(x), (5.0, 0.0)) == pytest.approx(exact, abs=1e-4)
     soft = Transcription(case, soft=True)
     softness = Softness(beta=200.0, margin=0.1, count=1000)
-    sharp = soft_cost(position, window.cell, window.fleet.radius, window.weight, softness)
+    sharp = soft_cost(position, ocp.cell, ocp.fleet.radius, ocp.weight, softness)
     # softplus lies up to log(2)/beta above pos, at every term
-    terms = window.weight.size * np.log(2.0) / softness.beta
+    terms = ocp.weight.size * np.log(2.0) / softness.beta
     assert sharp - 1e-3 <= evaluated(soft, "f", soft.pack(x), (softness.beta, 0.1))[0] <= sharp + terms
 
 
@@ -88,6 +88,6 @@ def test_the_exact_hessian_is_casadis_own():
 
 def test_several_looks_are_not_transcribed():
     case = make_case(small_mission())
-    window = replace(case.window, looks=np.full(case.window.weight.shape, 2))
+    ocp = replace(case.ocp, looks=np.full(case.ocp.weight.shape, 2))
     with pytest.raises(NotImplementedError, match="looks"):
-        Transcription(replace(case, window=window), soft=True)
+        Transcription(replace(case, ocp=ocp), soft=True)

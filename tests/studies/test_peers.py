@@ -7,8 +7,8 @@ import pytest
 from bench_missions import far_sighted_mission, small_mission
 
 from mpc_cover.errors import UserError
-from mpc_cover.planning import continuation
-from mpc_cover.planning.problem import CoverageProblem
+from mpc_cover.planning import scp as continuation
+from mpc_cover.planning.coverage_nlp import CoverageNLP
 from mpc_cover.studies.case import GUESSES, make_case, start_from
 from mpc_cover.studies.patching import patched
 from mpc_cover.studies.peers.registry import PEERS, chosen
@@ -88,7 +88,7 @@ def test_an_exception_of_a_callback_comes_out_of_casadi(monkeypatch):
 
 def test_looking_at_our_planner_leaves_no_trace():
     solved("ours-piqp", small_mission({"duration_s": 3.0}))
-    assert continuation.CoverageProblem is CoverageProblem
+    assert continuation.CoverageNLP is CoverageNLP
     with pytest.raises(AttributeError, match="no_such_name"), patched(continuation, "no_such_name", None):
         pass
 
@@ -104,7 +104,7 @@ def test_peers_are_chosen_by_name():
 @pytest.mark.parametrize("guess", GUESSES)
 def test_guesses_end_as_they_must(guess):
     case = make_case(small_mission())
-    position, velocity = case.window.motion(start_from(case, guess))
+    position, velocity = case.ocp.motion(start_from(case, guess))
     assert position[0] == pytest.approx(case.task.position)
     assert velocity[-1] == pytest.approx(0.0)
 

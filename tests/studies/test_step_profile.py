@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from bench_missions import small_mission
 
-from mpc_cover.planning import problem
+from mpc_cover.planning import coverage_nlp as problem
 from mpc_cover.studies.step_profile import PLACES, Stopwatch, profile_steps
 
 

@@ -6,15 +6,15 @@ from study_fixtures import TINY, tiny, tiny_run
 
 from mpc_cover.errors import UserError
 from mpc_cover.mission.load import build_mission
-from mpc_cover.service.simulate import simulate
+from mpc_cover.service.run.simulate import simulate
 from mpc_cover.studies.controllers import CONTROLLERS, controller_of
-from mpc_cover.studies.sweep import SweepBrain
+from mpc_cover.studies.sweep import SweepLaw
 from mpc_cover.verification.check import check_trajectory
 
 
 def flown(controller, mission, seed=0):
-    brain = controller_of(controller).make(mission, "piqp", seed)
-    return simulate(mission, seed=seed, brain=brain)
+    law = controller_of(controller).make(mission, "piqp", seed)
+    return simulate(mission, seed=seed, law=law)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -57,9 +57,9 @@ def test_strips_go_by_ability_and_speed():
     defaults = {**TINY["fleet"]["defaults"], "sensing_radius_m": {"gas": 0.7}}
     raw = {**TINY, "magnitudes": ["gas", "heat"], "fleet": {**TINY["fleet"], "agents": agents, "defaults": defaults}}
     mission = build_mission(raw, "test")
-    brain = SweepBrain(mission)
-    brain.prepare(mission.fleet.start, np.zeros((3, 2)), 0.0, deadline=None)
-    own = np.array([strip.own.sum(axis=1) for strip in brain._strips])
+    law = SweepLaw(mission)
+    law.prepare(mission.fleet.start, np.zeros((3, 2)), 0.0, deadline=None)
+    own = np.array([strip.own.sum(axis=1) for strip in law._strips])
     assert own.tolist() == [[12, 0], [24, 0], [0, 36]]
 
 

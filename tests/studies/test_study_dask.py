@@ -7,7 +7,7 @@ import pytest
 from study_fixtures import fly_nothing, tiny_run
 
 from mpc_cover.errors import UserError
-from mpc_cover.studies.crew import DaskCrew
+from mpc_cover.studies.executors import DaskExecutor
 
 
 class Future:
@@ -49,7 +49,7 @@ def crew(monkeypatch):
     def crew(client):
         distributed = SimpleNamespace(as_completed=lambda futures, loop: iter(futures))
         monkeypatch.setitem(__import__("sys").modules, "distributed", distributed)
-        made = DaskCrew("tcp://127.0.0.1:1")
+        made = DaskExecutor("tcp://127.0.0.1:1")
         made._client = client
         return made
 
@@ -89,14 +89,14 @@ def test_without_dask_the_error_says_how_to_get_it(monkeypatch):
         return real(name, *rest, **given)
 
     monkeypatch.setattr(builtins, "__import__", missing)
-    with pytest.raises(UserError, match=r"pip install 'mpc-cover\[dask\]'"), DaskCrew("tcp://127.0.0.1:1"):
+    with pytest.raises(UserError, match=r"pip install 'mpc-cover\[dask\]'"), DaskExecutor("tcp://127.0.0.1:1"):
         pass
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "", "x://y:1"])
 def test_nobody_at_the_address_is_a_clear_error(address):
     pytest.importorskip("distributed")
-    crew = DaskCrew(address, timeout_s=0.2)
+    crew = DaskExecutor(address, timeout_s=0.2)
     with pytest.raises(UserError, match=f"--dask {address}: no Dask scheduler answers there: "), crew:
         pass
 
@@ -107,7 +107,7 @@ def test_a_real_cluster_flies():
     runs = [tiny_run(seed=seed) for seed in range(3)]
     with (
         distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
-        DaskCrew(cluster.scheduler_address) as crew,
+        DaskExecutor(cluster.scheduler_address) as crew,
     ):
         records = list(crew.fly(runs, fly_nothing))
     assert sorted(record.seed for record in records) == [0, 1, 2]

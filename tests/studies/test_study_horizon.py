@@ -13,7 +13,7 @@ from rich.console import Console
 from study_fixtures import TINY, fly_nothing, fly_to_death, never
 
 from mpc_cover.errors import UserError
-from mpc_cover.studies.crew import LocalCrew
+from mpc_cover.studies.executors import LocalExecutor
 from mpc_cover.studies.grid import Grid
 from mpc_cover.studies.horizon import run_study
 from mpc_cover.studies.measure import fly
@@ -42,7 +42,7 @@ def study(tmp_path, monkeypatch):
         grid = Grid(**{"missions": (str(mission),), "horizons": ("8",), "seeds": 3, **changes})
         console = Console(file=text, width=100)
         result = run_study(
-            grid, tmp_path / "out", crew or LocalCrew(1), console, command=command, fly=fly if crew else counting
+            grid, tmp_path / "out", crew or LocalExecutor(1), console, command=command, fly=fly if crew else counting
         )
         return result, text.getvalue(), flown
 
@@ -132,7 +132,7 @@ def test_a_run_that_broke_off_is_told_and_flown_again(study):
 
 
 def test_processes_of_this_machine_share_the_work(study):
-    result, said, _ = study(crew=LocalCrew(2))
+    result, said, _ = study(crew=LocalExecutor(2))
     assert result.exit_status == 0
     assert [record.seed for record in result.groups["tiny"][0].records] == [0, 1, 2]
     assert "3 of 3 runs" in said
@@ -140,7 +140,7 @@ def test_processes_of_this_machine_share_the_work(study):
 
 def test_a_process_that_is_killed_is_a_clear_error(study):
     with pytest.raises(UserError, match=r"a process of the study was killed.*: what is finished is kept"):
-        study(fly=fly_to_death, crew=LocalCrew(2))
+        study(fly=fly_to_death, crew=LocalExecutor(2))
     assert study()[0].exit_status == 0
 
 
@@ -201,5 +201,5 @@ def test_a_terminal_gets_a_bar(study, tmp_path):
     text = io.StringIO()
     grid = Grid(missions=(str(tmp_path / "tiny.yaml"),), horizons=("8",), seeds=2)
     console = Console(file=text, force_terminal=True, width=100)
-    run_study(grid, study.out, LocalCrew(1), console, command="", fly=fly_nothing)
+    run_study(grid, study.out, LocalExecutor(1), console, command="", fly=fly_nothing)
     assert "1/1" in text.getvalue()

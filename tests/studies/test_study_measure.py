@@ -11,7 +11,7 @@ from study_fixtures import tiny, tiny_run
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.errors import UserError
 from mpc_cover.mission.load import load_mission
-from mpc_cover.service.simulate import simulate
+from mpc_cover.service.run.simulate import simulate
 from mpc_cover.studies import measure
 from mpc_cover.studies.measure import cost_left, coverage_curve, fly
 from mpc_cover.studies.record import LEVELS, Record, row_of, versions
@@ -87,8 +87,8 @@ def test_misses_and_lower_rungs_are_counted(record, monkeypatch):
     def slow(mission, **given):
         result = simulate(mission, **given)
         steps = list(result.steps)
-        steps[1] = msgspec.structs.replace(steps[1], tick_time_s=0.7, rung="SHIFTED")
-        steps[2] = msgspec.structs.replace(steps[2], tick_time_s=0.5, rung="BRAKE")
+        steps[1] = msgspec.structs.replace(steps[1], tick_time_s=0.7, plan_source="SHIFTED")
+        steps[2] = msgspec.structs.replace(steps[2], tick_time_s=0.5, plan_source="BRAKE")
         return type(result)(result.trajectory, steps, result.events, result.complete)
 
     monkeypatch.setattr(measure, "simulate", slow)

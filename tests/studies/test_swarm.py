@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpc_cover.control.potential import Coordination, coordination_of
-from mpc_cover.control.potential_law import LawParameters
+from mpc_cover.distributed.potential_functions import Coordination, coordination_of
+from mpc_cover.distributed.potential_law import LawParameters
 from mpc_cover.mission.fleet import Fleet
 from mpc_cover.studies.map_timing import time_maps
 from mpc_cover.studies.swarm import fly, run

@@ -19,10 +19,8 @@ def still(case):
 def test_a_fleet_at_rest_keeps_everything_and_covers_little():
     case = make_case(small_mission())
     found = judge(case, still(case))
-    position, _ = case.window.motion(still(case))
-    assert found.cost == pytest.approx(
-        coverage_cost(position, case.window.cell, case.window.fleet.radius, case.window.weight)
-    )
+    position, _ = case.ocp.motion(still(case))
+    assert found.cost == pytest.approx(coverage_cost(position, case.ocp.cell, case.ocp.fleet.radius, case.ocp.weight))
     assert found.holds
     assert found.holds_sampled
     assert not found.complete
@@ -40,9 +38,9 @@ def test_what_sees_everything_and_keeps_everything_is_complete():
 
 def test_agents_that_pass_each_other_between_samples_are_too_close_on_the_path_only():
     case = make_case(small_mission(defaults={**LIMITS, "input_max_m_per_s2": 5.0}))
-    velocity = np.zeros((case.window.steps + 1, 2, 2))
+    velocity = np.zeros((case.ocp.steps + 1, 2, 2))
     velocity[1, :, 0], velocity[2, :, 0] = [1.1, -1.1], [0.7, -0.7]  # 0.45 m apart before and after they meet
-    found = judge(case, case.window.decision(case.task.position, velocity))
+    found = judge(case, case.ocp.decision(case.task.position, velocity))
     assert found.separation_sampled == pytest.approx(0.05)
     assert found.separation_path == pytest.approx(-0.4)
     assert found.sampled == 0.0
@@ -54,9 +52,9 @@ def test_agents_that_pass_each_other_between_samples_are_too_close_on_the_path_o
 
 def test_limits_are_violations_at_samples_and_on_the_path():
     case = make_case(small_mission())
-    velocity = np.zeros((case.window.steps + 1, 2, 2))
+    velocity = np.zeros((case.ocp.steps + 1, 2, 2))
     velocity[1:-1, :, 1] = 1.0  # 0.5 m/s^2 too hard, and 1 m out of the box
-    found = judge(case, case.window.decision(case.task.position, velocity))
+    found = judge(case, case.ocp.decision(case.task.position, velocity))
     assert found.sampled == pytest.approx(1.0)
     assert found.path == pytest.approx(1.0)
     assert found.worst.startswith("box")
@@ -67,11 +65,11 @@ def test_limits_are_violations_at_samples_and_on_the_path():
 )
 def test_the_end_that_a_mission_asks_for_is_judged(mission, words):
     case = make_case(mission())
-    velocity = np.zeros((case.window.steps + 1, 2, 2))
+    velocity = np.zeros((case.ocp.steps + 1, 2, 2))
     velocity[1:-1, :, 1] = 0.05
-    found = judge(case, case.window.decision(case.task.position, velocity))
+    found = judge(case, case.ocp.decision(case.task.position, velocity))
     assert words in found.worst
-    assert found.sampled == pytest.approx(0.05 * 0.5 * (case.window.steps - 1) - TOLERANCE)
+    assert found.sampled == pytest.approx(0.05 * 0.5 * (case.ocp.steps - 1) - TOLERANCE)
 
 
 def test_numbers_that_are_not_finite_are_worth_nothing():

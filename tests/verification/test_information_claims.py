@@ -12,7 +12,7 @@ from mission_kinds import KINDS, SEVERAL, mission_with
 from rich.console import Console
 
 from mpc_cover.information.replay import measured_at
-from mpc_cover.trajectory import Trajectory
+from mpc_cover.trajectory_file import Trajectory
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.coverage_claim import first_measured
 from mpc_cover.verification.summary import summarise

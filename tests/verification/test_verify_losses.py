@@ -9,7 +9,7 @@ import pytest
 from flights import covered_at, propagate
 
 from mpc_cover.mission.load import build_mission, load_mission
-from mpc_cover.trajectory import Trajectory
+from mpc_cover.trajectory_file import Trajectory
 from mpc_cover.verification.check import check_trajectory
 
 

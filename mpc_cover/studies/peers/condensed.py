@@ -17,7 +17,7 @@ from mpc_cover.studies.case import asked_of_peers
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.coverage.majoriser import Softness
-    from mpc_cover.planning.window import Window
+    from mpc_cover.planning.ocp import OCP
     from mpc_cover.studies.case import Case
 
 
@@ -28,13 +28,13 @@ class Condensed:
     """
 
     def __init__(self, case: Case) -> None:
-        self._window, self._required = case.window, asked_of_peers(case)
-        ends, fleet = case.window.ends, case.window.fleet
-        self._shape = (case.window.steps + 1, *fleet.start.shape)
+        self._ocp, self._required = case.ocp, asked_of_peers(case)
+        ends, fleet = case.ocp.ends, case.ocp.fleet
+        self._shape = (case.ocp.steps + 1, *fleet.start.shape)
         self._centre = 0.5 * (fleet.motion_min + fleet.motion_max)
         self._room = 0.5 * (fleet.motion_max - fleet.motion_min)
         each_coordinate = np.eye(fleet.start.size)
-        to_q, to_v, to_u = (np.asarray(np.kron(each, each_coordinate), float) for each in _linear_maps(case.window))
+        to_q, to_v, to_u = (np.asarray(np.kron(each, each_coordinate), float) for each in _linear_maps(case.ocp))
         first = (ends.start_position, ends.start_velocity)
         fixed = np.zeros(to_q.shape[1])
         self._free = np.ones(to_q.shape[1], dtype=bool)
@@ -49,26 +49,24 @@ class Condensed:
 
     def pack(self, x: FloatArray) -> FloatArray:
         """Return v of a decision vector of the window."""
-        position, velocity = self._window.motion(x)
-        force = np.diff(velocity, axis=0) / self._window.period
+        position, velocity = self._ocp.motion(x)
+        force = np.diff(velocity, axis=0) / self._ocp.period
         return np.asarray(np.concatenate([position[0].ravel(), velocity[0].ravel(), force.ravel()])[self._free])
 
     def unpack(self, v: FloatArray) -> FloatArray:
         """Return the decision vector of v."""
-        return self._window.decision(self._position(v)[0], self._velocity(v))
+        return self._ocp.decision(self._position(v)[0], self._velocity(v))
 
     def cost(self, v: FloatArray, softness: Softness) -> tuple[float, FloatArray]:
         """Return J_beta (soft minimum over all samples) and its gradient (n,)."""
-        window, points = self._window, self._shape[0] * self._shape[1]
-        majoriser = build_majoriser(
-            self._position(v), window.cell, window.fleet.radius, window.weight, softness, window.looks
-        )
+        ocp, points = self._ocp, self._shape[0] * self._shape[1]
+        majoriser = build_majoriser(self._position(v), ocp.cell, ocp.fleet.radius, ocp.weight, softness, ocp.looks)
         gradient = majoriser.gradient(majoriser.level > 0.0, points)  # tight at the iterate, to first order
         return majoriser.cost, np.asarray(gradient.ravel() @ self._to_q)
 
     def ends(self) -> tuple[FloatArray, FloatArray]:
         """Return (C, c) of the equalities C v = c that the end asks for."""
-        ends, size = self._window.ends, self._window.fleet.start.size
+        ends, size = self._ocp.ends, self._ocp.fleet.start.size
         matrix: list[FloatArray] = [np.zeros((0, self._to_q.shape[1]))]
         right: list[FloatArray] = [np.zeros(0)]
         for to, offset, target in (
@@ -85,7 +83,7 @@ class Condensed:
 
     def edges(self, v: FloatArray) -> BoolArray:
         """Return (samples, pairs): the links and the minimum spanning trees of a motion; none where not asked for."""
-        fleet, length = self._window.fleet, np.sqrt(self._squares(v)[0])
+        fleet, length = self._ocp.fleet, np.sqrt(self._squares(v)[0])
         if fleet.size == 1 or not np.isfinite(fleet.communication_range):
             return np.zeros(length.shape, dtype=bool)
         held = minimum_spanning_trees(length, fleet.size)
@@ -94,7 +92,7 @@ class Condensed:
 
     def slack(self, v: FloatArray, edges: BoolArray) -> FloatArray:
         """Return the (rows,) slacks, >= 0 where a constraint holds: discs, box, separation, edges."""
-        fleet, first = self._window.fleet, self._window.first
+        fleet, first = self._ocp.fleet, self._ocp.first
         speed = np.sum(self._velocity(v)[first:] ** 2, axis=2)
         force = np.sum((self._to_u @ v).reshape(-1, *self._shape[1:]) ** 2, axis=2)
         off_centre = self._position(v)[first:] - self._centre
@@ -110,7 +108,7 @@ class Condensed:
 
     def slack_jacobian(self, v: FloatArray, edges: BoolArray) -> FloatArray:
         """Return (rows, n): the derivative of `slack`."""
-        fleet, first, columns = self._window.fleet, self._window.first, v.size
+        fleet, first, columns = self._ocp.fleet, self._ocp.first, v.size
         size = fleet.start.size
         to_v = self._to_v[first * size :].reshape(-1, fleet.dimension, columns)
         to_u = self._to_u.reshape(-1, fleet.dimension, columns)
@@ -125,8 +123,8 @@ class Condensed:
 
     def _squares(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return squared distances (samples, pairs) of the samples not given, and their derivative (..., n)."""
-        one, two = all_pairs(self._window.fleet.size)
-        first = self._window.first
+        one, two = all_pairs(self._ocp.fleet.size)
+        first = self._ocp.first
         position = self._position(v)[first:]
         to_q = self._to_q.reshape(*self._shape, -1)[first:]
         apart = position[:, one] - position[:, two]
@@ -140,9 +138,9 @@ class Condensed:
         return np.asarray(self._to_v @ v + self._v0).reshape(self._shape)
 
 
-def _linear_maps(window: Window) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _linear_maps(ocp: OCP) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the maps of one coordinate's (q(0), v(0), u) to positions, velocities (N+1, .) and inputs (N, .)."""
-    steps, period = window.steps, window.period
+    steps, period = ocp.steps, ocp.period
     n, k = np.arange(steps + 1)[:, None], np.arange(steps)[None]
     one, none = np.ones((steps + 1, 1)), np.zeros((steps + 1, 1))
     since = np.where(n > k, n - k - 0.5, 0.0)

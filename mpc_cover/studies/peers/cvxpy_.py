@@ -1,6 +1,6 @@
 """Our own subproblem in CVXPY, canonicalised in every iteration: what `planning/reference.py` costs in a loop.
 
-Stages, trust region and acceptance are those of `planning.continuation` and `solvers.sqp`, without the line search.
+Stages, trust region and acceptance are those of `planning.scp` and `solvers.sqp`, without the line search.
 Solved by Clarabel, CVXPY's default for these problems; most of the time goes into canonicalisation.
 """
 
@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import cvxpy as cp
 import numpy as np
 
-from mpc_cover.planning.continuation import SHARPNESS, length_scale, softness_at
-from mpc_cover.planning.problem import CoverageProblem
+from mpc_cover.planning.coverage_nlp import CoverageNLP
+from mpc_cover.planning.ocp import Settings
 from mpc_cover.planning.reference import build_reference
-from mpc_cover.planning.window import Settings
+from mpc_cover.planning.scp import SHARPNESS, length_scale, softness_at
 from solvers.globalization import TrustRegion
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from mpc_cover.studies.watch import Answer, Watch
 
 _ITERATIONS = 10
-"""Subproblems a stage, as in `planning.continuation.refine`."""
+"""Subproblems a stage, as in `planning.scp.refine`."""
 _NEGLIGIBLE = 3e-3
 """Predicted decrease relative to max(1, J) below which a stage has converged."""
 
@@ -34,8 +34,8 @@ def canonicalised(case: Case, x: FloatArray, watch: Watch, *, solver: str = "CLA
     count = 0
     watch.begin(x)
     for sharpness in SHARPNESS:
-        problem = CoverageProblem(case.window, Settings(softness_at(sharpness, length_scale(case.window))))
-        region = _region(length_scale(case.window))
+        problem = CoverageNLP(case.ocp, Settings(softness_at(sharpness, length_scale(case.ocp))))
+        region = _region(length_scale(case.ocp))
         for _ in range(_ITERATIONS):
             if watch.enough:
                 return watch.answer(x, count, "everything is covered" if watch.complete else "time is up")
@@ -46,7 +46,7 @@ def canonicalised(case: Case, x: FloatArray, watch: Watch, *, solver: str = "CLA
             if found is None or predicted <= _NEGLIGIBLE * max(1.0, merit):
                 break
             decrease = merit - problem.measure(found[0]).merit(problem.settings.penalty)
-            step = float(np.abs(case.window.motion(found[0])[0] - case.window.motion(x)[0]).max())
+            step = float(np.abs(case.ocp.motion(found[0])[0] - case.ocp.motion(x)[0]).max())
             if decrease < 1e-4 * predicted:
                 region = region.rejected(step)
                 if region.exhausted:
@@ -62,10 +62,10 @@ def _region(scale: float) -> TrustRegion:
     return TrustRegion(scale, smallest=0.01 * scale, largest=2.0 * scale, shrink=0.4, grow=1.5)
 
 
-def _proposed(problem: CoverageProblem, x: FloatArray, radius: float, solver: str) -> tuple[FloatArray, float] | None:
+def _proposed(problem: CoverageNLP, x: FloatArray, radius: float, solver: str) -> tuple[FloatArray, float] | None:
     """Return the subproblem's point and optimal value, or None if the solver failed."""
-    window = problem.window
-    reference = build_reference(window, problem.settings, problem.requirements, x, radius)
+    ocp = problem.ocp
+    reference = build_reference(ocp, problem.settings, problem.requirements, x, radius)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # on accuracy: the merit judges the step
@@ -75,4 +75,4 @@ def _proposed(problem: CoverageProblem, x: FloatArray, radius: float, solver: st
     if not np.isfinite(value):
         return None
     velocity = np.array([v.value for v in reference.velocity])
-    return window.exact_ends(window.decision(reference.position[0].value, velocity)), value
+    return ocp.exact_ends(ocp.decision(reference.position[0].value, velocity)), value

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as cs
 import numpy as np
 
-from mpc_cover.planning.continuation import length_scale, softness_at
+from mpc_cover.planning.scp import length_scale, softness_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,7 +74,7 @@ def run(
     are those of our own continuation.
     """
     watch.begin(x)
-    scale, status = length_scale(case.window), "nothing to do"
+    scale, status = length_scale(case.ocp), "nothing to do"
     for sharpness, solver in stages:
         if watch.enough:
             break

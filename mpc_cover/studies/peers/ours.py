@@ -10,10 +10,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mpc_cover.planning import continuation
-from mpc_cover.planning.hopping import refine_thoroughly
-from mpc_cover.planning.planner import Search, plan_for
-from mpc_cover.planning.problem import CoverageProblem
+from mpc_cover.planning import scp as continuation
+from mpc_cover.planning.basin_hopping import optimise_thoroughly
+from mpc_cover.planning.coverage_nlp import CoverageNLP
+from mpc_cover.planning.multistart import Search, multistart
 from mpc_cover.studies.patching import patched
 from mpc_cover.studies.watch import Enough
 from solvers.backends.registry import make_backend
@@ -44,7 +44,7 @@ def refined(case: Case, x: FloatArray, watch: Watch, *, backend: str) -> Answer:
     watch.begin(x)
     with _watched(watch, x) as seen:
         try:
-            found = refine_thoroughly(case.window, x, solver, rounds=None, deadline=watch.deadline)
+            found = optimise_thoroughly(case.ocp, x, solver, rounds=None, deadline=watch.deadline)
         except Enough:
             return watch.answer(seen.x, seen.subproblems, "everything is covered" if watch.complete else "time is up")
     status = found.stages[-1].outcome.sentence if found.stages else "nothing to do"
@@ -57,10 +57,10 @@ def from_own_starts(case: Case, x: FloatArray, watch: Watch) -> Answer:
     watch.begin()
     with _watched(watch, x) as seen:
         try:
-            best = plan_for(case.task, solver, case.window.steps, SEARCH, watch.deadline)[0]
+            best = multistart(case.task, solver, case.ocp.steps, SEARCH, watch.deadline)[0]
         except Enough:
             return watch.answer(seen.x, seen.subproblems, "everything is covered" if watch.complete else "time is up")
-    found = case.window.decision(best.plan.position[0], best.plan.velocity)
+    found = case.ocp.decision(best.plan.position[0], best.plan.velocity)
     return watch.answer(found, seen.subproblems, f"best start: {best.kind}")
 
 
@@ -69,7 +69,7 @@ def _watched(watch: Watch, x: FloatArray) -> Iterator[_Seen]:
     """Show the watch what the planner's SQP accepts; a point that covers everything ends it as it ends any peer."""
     seen = _Seen(0, x)
 
-    class Watched(CoverageProblem):
+    class Watched(CoverageNLP):
         """The planner's problem, which hears of accepted steps (`solvers.nlp.LearnsFromSteps`)."""
 
         def convexify(self, x: FloatArray, radius: float) -> ConvexModel:
@@ -81,5 +81,5 @@ def _watched(watch: Watch, x: FloatArray) -> Iterator[_Seen]:
             if watch.see(x_new):
                 raise Enough
 
-    with patched(continuation, "CoverageProblem", Watched):
+    with patched(continuation, "CoverageNLP", Watched):
         yield seen

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from scipy.optimize import minimize
 
 from mpc_cover.coverage.majoriser import Softness
-from mpc_cover.planning.continuation import length_scale, softness_at
+from mpc_cover.planning.scp import length_scale, softness_at
 from mpc_cover.studies.peers.condensed import Condensed
 from mpc_cover.studies.watch import Enough
 
@@ -34,14 +34,14 @@ _HARD = 1e6
 
 def smoothed(case: Case, x: FloatArray, watch: Watch) -> Answer:
     """Solve with log-sum-exp for the minimum, its sharpness raised in stages."""
-    scale, points = length_scale(case.window), (case.window.steps + 1) * case.window.fleet.size
+    scale, points = length_scale(case.ocp), (case.ocp.steps + 1) * case.ocp.fleet.size
     stages = [replace(softness_at(sharpness, scale), count=points) for sharpness in SHARPNESS]
     return _run(case, x, watch, stages)
 
 
 def hard(case: Case, x: FloatArray, watch: Watch) -> Answer:
     """Solve with the minimum as it is, as the thesis does; the margin is that of the sharpest soft minimum."""
-    scale = length_scale(case.window)
+    scale = length_scale(case.ocp)
     margin = softness_at(SHARPNESS[-1], scale).margin
     return _run(case, x, watch, [Softness(beta=_HARD / scale, margin=margin, count=1)])
 

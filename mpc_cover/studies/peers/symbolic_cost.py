@@ -48,12 +48,12 @@ def excesses(case: Case, points: Any) -> list[Excess]:
     NotImplementedError
         Cells are owed several looks.
     """
-    window, parts = case.window, []
-    if window.looks is not None:
+    ocp, parts = case.ocp, []
+    if ocp.looks is not None:
         raise NotImplementedError("a cost of several looks at a cell is not written for CasADi")
-    fleet, samples = window.fleet, window.steps + 1
+    fleet, samples = ocp.fleet, ocp.steps + 1
     for magnitude in range(fleet.radius.shape[1]):
-        live = np.flatnonzero(window.weight[magnitude] > 0.0)
+        live = np.flatnonzero(ocp.weight[magnitude] > 0.0)
         able = np.flatnonzero(np.isfinite(fleet.radius[:, magnitude]))
         if live.size == 0:
             continue
@@ -61,11 +61,11 @@ def excesses(case: Case, points: Any) -> list[Excess]:
         reach = np.tile(fleet.radius[able, magnitude], (live.size, samples))
         difference = [
             cs.repmat(points[axis, sample.tolist()], live.size, 1)
-            - cs.repmat(cs.DM(window.cell[live, axis]), 1, sample.size)
+            - cs.repmat(cs.DM(ocp.cell[live, axis]), 1, sample.size)
             for axis in range(fleet.dimension)
         ]
         distance = cs.sqrt(sum(part**2 for part in difference) + _ROUND)
-        weight = cs.DM(window.weight[magnitude, live])
+        weight = cs.DM(ocp.weight[magnitude, live])
         parts.append(
             Excess(distance - cs.DM(reach), distance, [part / distance for part in difference], weight, sample)
         )

@@ -37,11 +37,11 @@ class Transcription:
 
     def __init__(self, case: Case, *, soft: bool) -> None:
         self._case, self._required = case, asked_of_peers(case)
-        window = case.window
-        self.half = (window.steps + 1) * window.fleet.start.size
+        ocp = case.ocp
+        self.half = (ocp.steps + 1) * ocp.fleet.start.size
         w, p = cs.MX.sym("w", 2 * self.half), cs.MX.sym("p", 2)
-        agents, dimension = window.fleet.start.shape
-        points = cs.reshape(w[: self.half], dimension, (window.steps + 1) * agents)
+        agents, dimension = ocp.fleet.start.shape
+        points = cs.reshape(w[: self.half], dimension, (ocp.steps + 1) * agents)
         self._parts = excesses(case, points)
         self._rows: list[Any] = []
         self._bounds: list[tuple[FloatArray, FloatArray]] = []
@@ -54,21 +54,21 @@ class Transcription:
 
     def pack(self, x: FloatArray) -> FloatArray:
         """Return w of a decision vector of the window."""
-        position, velocity = self._case.window.motion(x)
+        position, velocity = self._case.ocp.motion(x)
         return np.concatenate([position.ravel(), velocity.ravel()])
 
     def unpack(self, w: FloatArray) -> FloatArray:
         """Return the decision vector of w: its start and velocities, rolled out from there on."""
-        size = self._case.window.fleet.start.size
+        size = self._case.ocp.fleet.start.size
         return np.concatenate([w[:size], w[self.half :]])
 
     def row_bounds(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the bounds on g, with the spanning trees of the motion `x`."""
         lower = np.concatenate([low for low, _ in self._bounds])
         upper = np.concatenate([high for _, high in self._bounds])
-        fleet, first = self._case.window.fleet, self._case.window.first
+        fleet, first = self._case.ocp.fleet, self._case.ocp.first
         if fleet.size > 1 and np.isfinite(fleet.communication_range):
-            position = self._case.window.motion(x)[0][first:]
+            position = self._case.ocp.motion(x)[0][first:]
             one, two = all_pairs(fleet.size)
             held = minimum_spanning_trees(np.linalg.norm(position[:, one] - position[:, two], axis=2), fleet.size)
             held[:, linked_pairs(fleet.size, fleet.links)] = True
@@ -79,7 +79,7 @@ class Transcription:
         """Return the Hessian of the Lagrangian as CasADi's solvers take it: (x, p, lam_f, lam_g) -> H."""
         w, p = self.nlp["x"], self.nlp["p"]
         lam_f, lam_g = cs.MX.sym("lam_f"), cs.MX.sym("lam_g", self.nlp["g"].shape[0])
-        dimension = self._case.window.fleet.dimension
+        dimension = self._case.ocp.fleet.dimension
         cost = soft_hessian(self._parts, p[0], p[1], self.half // dimension)
         rows, _ = cs.hessian(cs.dot(lam_g, self.nlp["g"]), w)
         full = lam_f * cs.diagcat(cost, cs.MX(self.half, self.half)) + rows
@@ -94,18 +94,18 @@ class Transcription:
 
     def _add_motion(self, w: Any) -> None:
         """Add dynamics (4.23), a closed end (3.15), and the discs of speed and input (4.13, 4.14)."""
-        window, fleet = self._case.window, self._case.window.fleet
+        ocp, fleet = self._case.ocp, self._case.ocp.fleet
         agents, dimension = fleet.start.shape
-        samples = window.steps + 1
+        samples = ocp.steps + 1
         q = cs.reshape(w[: self.half], agents * dimension, samples)
         v = cs.reshape(w[self.half :], agents * dimension, samples)
-        self._add(q[:, 1:] - q[:, :-1] - 0.5 * window.period * (v[:, :-1] + v[:, 1:]), 0.0, 0.0)
-        if window.ends.closed:
+        self._add(q[:, 1:] - q[:, :-1] - 0.5 * ocp.period * (v[:, :-1] + v[:, 1:]), 0.0, 0.0)
+        if ocp.ends.closed:
             self._add(cs.vertcat(q[:, -1] - q[:, 0], v[:, -1] - v[:, 0]), 0.0, 0.0)
-        u = (v[:, 1:] - v[:, :-1]) / window.period
+        u = (v[:, 1:] - v[:, :-1]) / ocp.period
         for agent in range(agents):
             own = slice(agent * dimension, (agent + 1) * dimension)
-            self._add(cs.sum1(v[own, window.first :] ** 2), -np.inf, float(fleet.speed_max[agent]) ** 2)
+            self._add(cs.sum1(v[own, ocp.first :] ** 2), -np.inf, float(fleet.speed_max[agent]) ** 2)
             self._add(cs.sum1(u[own, :] ** 2), -np.inf, float(fleet.input_max[agent]) ** 2)
         if fleet.size > 1 and fleet.separation_min > 0.0:
             for square, apart in zip(self._squares(w), self._required.separation, strict=True):
@@ -113,16 +113,16 @@ class Transcription:
 
     def _add_pairs(self, w: Any) -> None:
         """Add the squared length of every pair; `row_bounds` says which are edges."""
-        fleet = self._case.window.fleet
+        fleet = self._case.ocp.fleet
         if fleet.size > 1 and np.isfinite(fleet.communication_range):
             for square in self._squares(w):
                 self._add(square, -np.inf, np.inf)
 
     def _squares(self, w: Any) -> list[Any]:
         """Return the squared distance of each pair at the samples that are not given."""
-        window = self._case.window
-        agents, dimension = window.fleet.start.shape
-        q = cs.reshape(w[: self.half], agents * dimension, window.steps + 1)[:, window.first :]
+        ocp = self._case.ocp
+        agents, dimension = ocp.fleet.start.shape
+        q = cs.reshape(w[: self.half], agents * dimension, ocp.steps + 1)[:, ocp.first :]
         one, two = all_pairs(agents)
         return [
             cs.sum1((q[i * dimension : (i + 1) * dimension, :] - q[j * dimension : (j + 1) * dimension, :]) ** 2)
@@ -130,8 +130,8 @@ class Transcription:
         ]
 
     def _variable_bounds(self) -> tuple[FloatArray, FloatArray]:
-        window, ends = self._case.window, self._case.window.ends
-        fleet, shape = window.fleet, (2, window.steps + 1, *window.fleet.start.shape)
+        ocp, ends = self._case.ocp, self._case.ocp.ends
+        fleet, shape = ocp.fleet, (2, ocp.steps + 1, *ocp.fleet.start.shape)
         lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
         lower[0], upper[0] = fleet.motion_min, fleet.motion_max
         given = (

@@ -1,0 +1,68 @@
+"""What plans are ordered to do: of all that the map owes, what one mission plan is to bring."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.model.sensing import look_counts
+from mpc_cover.planning.task import AT_ONCE, needs_laps
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.information.demand import FlownMap
+    from mpc_cover.mission.field import Field
+    from mpc_cover.model.fleet_state import FleetState
+
+_BY_LAP = 2
+"""Looks at a cell that one mission plan is to bring if others must follow anyhow: a pass brings about two."""
+
+
+class DemandAllocation:
+    """Hands out the work to mission plans, one after another.
+
+    Parameters
+    ----------
+    coverage : what is owed.
+    field : the cells, and how much they matter.
+    """
+
+    def __init__(self, coverage: FlownMap, field: Field) -> None:
+        self._coverage, self._field = coverage, field
+        self._later: IntArray | None = None
+
+    @property
+    def more(self) -> bool:
+        """Whether looks are owed that the present mission plan was not asked for."""
+        return self._later is not None and bool(self._later.any())
+
+    def next(self, start: FleetState, *, in_one_go: bool = False) -> tuple[FloatArray, IntArray | None]:
+        """Return weights and looks (J, K) that a new mission plan from here is to bring; looks None for one each.
+
+        `in_one_go` asks for all that are owed, however many, and begins no lap.
+        """
+        if not in_one_go:
+            self._coverage.begin_lap(start.time, start.position)
+        owed = self._coverage.demand(start.time, start.position)
+        weight = owed.gamma * self._field.weight
+        if owed.looks is None or in_one_go:
+            self._later = None
+            return weight, owed.looks
+        most = _BY_LAP if needs_laps(owed.looks) else AT_ONCE
+        self._later = np.maximum(owed.looks - most, 0)
+        return weight, np.minimum(owed.looks, most)
+
+    def left(self, start: FleetState, later: FloatArray, radius: FloatArray) -> tuple[FloatArray, IntArray | None]:
+        """Return weights and looks (J, K) that the present mission plan is to bring beside what `later` brings.
+
+        `later` is positions (n, m, d) [m] of its samples, `radius` (m, J) [m] of the fleet.
+        """
+        owed = self._coverage.demand(start.time, start.position)
+        weight = owed.gamma * self._field.weight
+        if owed.looks is None:
+            return still_owed(later, self._field.cell, radius, weight), None
+        beyond = 0 if self._later is None else self._later
+        looks = np.maximum(owed.looks - beyond - look_counts(later, self._field.cell, radius), 0)
+        return np.where(looks > 0, weight, 0.0), looks

@@ -1,0 +1,169 @@
+"""What the controller can count on just now: who takes part, which bounds can be kept, what can be measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.constraints.passive_safety import braking_violation
+from mpc_cover.control.constraint_relaxation import attainable_bounds, strict_bounds
+from mpc_cover.control.obstacle_trajectories import path_among
+from mpc_cover.control.reachability import reachable
+from mpc_cover.model.constraint_tightening import slowed, tightened, without_lost
+from mpc_cover.model.fallback_motion import brake_plan, shifted_plan
+from mpc_cover.planning.initial_guess.rendezvous import out_of_range
+from mpc_cover.planning.scp import BRAKING_TOLERANCE
+from mpc_cover.verification.path import Path
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.control.obstacle_trajectories import ObstacleTrajectory
+    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.model.fleet_state import FleetState
+    from mpc_cover.model.trajectory import Plan
+
+_NOTICED = 2
+"""Periods for which someone may fly on along the last plan when a message is lost: its reports tell within one."""
+_LEAST_RANGE = 0.75
+"""This part of the range is used at the least, however slow someone may be: the rest is better than nothing."""
+
+
+class PlanningConstraints:
+    """A mission's fleet as it changes in flight.
+
+    Attributes
+    ----------
+    fleet : tightened by the tube and for whoever may be slow, without the lost, as fast as it really is.
+    bounds : those that plans are held to; see `easing`.
+    courses : how the lost who still move come to rest, by number.
+    measurable : (J, K), what those who are left can measure.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self._given, self._tight = mission, replace(tightened(mission), reaction=_reaction(mission))
+        self._lost = np.zeros(mission.fleet.size, dtype=bool)
+        self._share = np.ones(mission.fleet.size)
+        self._changed = False
+        self.fleet = self._wary(self._tight)
+        self.bounds = strict_bounds(self.fleet)
+        self.obstacles: Mapping[int, ObstacleTrajectory] = {}
+        self.measurable: BoolArray = np.ones((mission.fleet.radius.shape[1], mission.field.size), dtype=bool)
+
+    @property
+    def mission(self) -> Mission:
+        """The mission with the fleet and the bounds that plans are to be made for."""
+        return replace(self._given, fleet=self.bounds.planned)
+
+    @property
+    def torn(self) -> bool:
+        """Whether not even the range can be kept from here."""
+        return self.bounds.fleet.communication_range > self.fleet.communication_range
+
+    @property
+    def parting(self) -> bool:
+        """Whether a loss tears the others apart, though they may hear each other still: nobody can stop in time."""
+        return self.torn and bool(self._lost.any())
+
+    def parted(self, start: FleetState) -> bool:
+        """Return whether a loss left the others out of range of each other: whatever else is done, they must meet."""
+        return bool(self._lost.any()) and out_of_range(start.position, self.fleet)
+
+    def set_lost(self, lost: BoolArray) -> bool:
+        """Do without the agents of the (m,) mask, or with them again; return whether that is new."""
+        new = not np.array_equal(lost, self._lost)
+        self._lost = np.array(lost, dtype=bool)
+        return new and self._change()
+
+    def limit_speed(self, index: int, share: float) -> bool:
+        """Reckon with this share of an agent's speed; return whether that is new."""
+        new = bool(self._share[index] != share)
+        self._share[index] = share
+        return new and self._change()
+
+    def take(self, start: FleetState, published: Plan | None) -> None:
+        """See which bounds can be kept from a state, and what is in reach; `published` is what is flown so far."""
+        known = [] if published is None else [shifted_plan(published, start.position, start.velocity, start.time)]
+        if self._changed or not known:
+            known.append(self.brake(start))
+        paths = [path_among(plan, self.obstacles) for plan in known]
+        self.bounds = attainable_bounds(self.fleet, paths, self._truly(start))
+        if self._changed:
+            self.measurable = reachable(self.fleet, self._given.field.cell, start.position[self._lost])
+        self._changed = False
+
+    def brake(self, start: FleetState) -> Plan:
+        """Return the plan that stops everyone as fast as they can."""
+        control = self._given.spec.control
+        return brake_plan(
+            start.position, start.velocity, self.fleet, start.time, control.period_s, control.horizon_steps
+        )
+
+    def keeps(self, plan: Plan, start: FleetState) -> bool:
+        """Return whether the verifier passes a plan from a state."""
+        return self.bounds.keeps(path_among(plan, self.obstacles), self._truly(start))
+
+    def keeps_if_missed(self, plan: Plan, known: Plan) -> bool:
+        """Return whether all is well while anyone goes on along the plan that is known, until that is noticed."""
+        last = min(_NOTICED, plan.steps, known.steps)
+        new, old = (
+            Path(one.time()[: last + 1], one.position[: last + 1], one.velocity[: last + 1], one.input[:last])
+            for one in (plan, known)
+        )
+        return self.bounds.keeps_mixed(new, old)
+
+    def leaves_room(self, plan: Plan, known: Plan, before: tuple[FloatArray, FloatArray] | None) -> bool:
+        """Return whether a plan leaves as much room to stop as is wanted, or as the known one does.
+
+        `before` is the state a period earlier: who stopped then is not known of yet.
+        """
+        new = self.braking_violation(plan, before)
+        return new <= BRAKING_TOLERANCE or new <= self.braking_violation(known, before)
+
+    def braking_violation(self, plan: Plan, before: tuple[FloatArray, FloatArray] | None = None) -> float:
+        """Return by how much [m] someone comes too near to one who stops without warning, or that one leaves the box.
+
+        `before` is as above.
+        """
+        position, velocity = plan.position, plan.velocity
+        if before is not None:
+            pairs = zip(before, (position, velocity), strict=True)
+            position, velocity = (np.concatenate([first[None], later]) for first, later in pairs)
+        return braking_violation(position, velocity, plan.period, self.bounds.planned)
+
+    def _change(self) -> bool:
+        self.fleet = without_lost(slowed(self._wary(self._tight), self._share), self._lost)
+        self.bounds = strict_bounds(self.fleet)
+        self._changed = True
+        return True
+
+    def _wary(self, fleet: Fleet) -> Fleet:
+        """Return the fleet with range to spare for those who may yet turn out to be slow: they fall behind at first."""
+        stated = [share for share in self._given.spec.disturbance.slow_agents.values() if share < 1.0]
+        if len(stated) <= np.count_nonzero(self._share < 1.0):
+            return fleet
+        behind = (1.0 - min(stated)) * float(fleet.speed_max.max())
+        unseen_s = fleet.reaction * self._given.spec.control.period_s
+        reach = fleet.communication_range
+        return replace(fleet, communication_range=max(reach - behind * unseen_s, _LEAST_RANGE * reach))
+
+    def _truly(self, start: FleetState) -> tuple[FloatArray, FloatArray]:
+        """Return the state (m, d) with the lost where they still are."""
+        position, velocity = start.position.copy(), start.velocity.copy()
+        for index, course in self.obstacles.items():
+            (position[index],), (velocity[index],), _ = course.at(np.array([start.time]))
+        return position, velocity
+
+
+def _reaction(mission: Mission) -> float:
+    """Return how many periods may pass from a death until others fly a plan that knows of it.
+
+    It brakes from its last report on. A tick sees that it is gone; the plan of that tick begins at the next.
+    """
+    control = mission.spec.control
+    unheard_s = control.state_period_s + mission.spec.disturbance.delay_s
+    return 2.0 + unheard_s / control.period_s if mission.fleet.size > 1 else 0.0

@@ -1,0 +1,152 @@
+"""Guesses of different kinds for a motion that covers what is owed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.planning.initial_guess.lanes import (
+    Swath,
+    assign,
+    comb,
+    cut_lanes,
+    cut_snake,
+    slow_swath,
+    snake,
+    strips,
+    swath_of,
+    take_pieces,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.planning.initial_guess.lanes import Lane
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """Waypoints for each agent: `paths[i]` is (W_i, d) [m]."""
+
+    kind: str
+    paths: list[FloatArray]
+
+
+def sweep_guesses(
+    fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray, period: float, *, slow: bool = False
+) -> Iterator[Guess]:
+    """Yield sweeps of everything owed along each axis: strips of equal work, cut snakes, and combs.
+
+    `cell` (K, d) [m]; `owed` (J, K) > 0 where something is left; `position` (m, d) [m]; `period` T_s [s].
+    `slow` sweeps are for many looks in one pass.
+    """
+    teams = _teams(fleet, cell, owed, period, slow=slow)
+    for axis in range(cell.shape[1]):
+        yield _by_team(f"strips along axis {axis}", position, teams, partial(_strips, position=position, axis=axis))
+    for axis in range(cell.shape[1]):
+        for mirrored, upward in product((False, True), (True, False)):
+            name = f"along axis {axis}{' mirrored' * mirrored}{' downward' * (not upward)}"
+
+            def snakes(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
+                pieces = cut_snake(cut_lanes(team.left, team.swath, a), team.speed, mirrored=m, upward=u)
+                return take_pieces(pieces, position[team.agents], team.speed, one_way=slow)
+
+            def combs(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
+                return comb(_even_lanes(team, a), position[team.agents], mirrored=m, upward=u)
+
+            yield _by_team(f"snake {name}", position, teams, snakes)
+            yield _by_team(f"comb {name}", position, teams, combs)
+
+
+def tour_guess(fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray) -> Guess:
+    """Return a greedy tour: again and again the agent that can be first at a cell takes it.
+
+    Made for what is left over: few, scattered cells. Arguments as in `sweep_guesses`.
+    """
+    left = owed > 0.0
+    paths = [[position[i]] for i in range(fleet.size)]
+    clock = np.zeros(fleet.size)
+    while left.any():
+        able = np.isfinite(fleet.radius) @ left.astype(float) > 0.0  # (m, K)
+        here = np.array([path[-1] for path in paths])
+        way = np.linalg.norm(here[:, None] - cell[None], axis=2)
+        arrival = np.where(able, clock[:, None] + way / fleet.speed_max[:, None], np.inf)
+        agent, goal = np.unravel_index(int(np.argmin(arrival)), arrival.shape)
+        paths[agent].append(cell[goal])
+        clock[agent] = arrival[agent, goal]
+        near = np.linalg.norm(cell - cell[goal], axis=1)
+        seen = near[None] <= 0.7 * fleet.radius[agent][:, None]
+        seen[:, goal] = np.isfinite(fleet.radius[agent])
+        left &= ~seen
+    return Guess("tour", [np.array(path[1:] or path) for path in paths])
+
+
+def rest_guess(position: FloatArray) -> Guess:
+    """Return the guess that stays: always feasible."""
+    return Guess("rest", [position[i][None] for i in range(position.shape[0])])
+
+
+@dataclass(frozen=True, eq=False)
+class Team:
+    """Agents with equal abilities: their indices, the (K', d) cells on which they owe something, and their swath."""
+
+    agents: IntArray
+    left: FloatArray
+    swath: Swath
+    speed: FloatArray
+
+
+def _by_team(kind: str, position: FloatArray, teams: list[Team], paths_of: Callable[[Team], list[FloatArray]]) -> Guess:
+    """Return the guess in which each team flies `paths_of(team)` and whoever has no work stays."""
+    paths = [here[None] for here in position]
+    for team in teams:
+        for agent, path in zip(team.agents, paths_of(team), strict=True):
+            paths[agent] = path
+    return Guess(kind, paths)
+
+
+def _teams(fleet: Fleet, cell: FloatArray, owed: FloatArray, period: float, *, slow: bool) -> list[Team]:
+    able = np.isfinite(fleet.radius)
+    teams = []
+    for pattern in np.unique(able, axis=0):
+        agents = np.flatnonzero((able == pattern).all(axis=1))
+        left = cell[(owed[pattern] > 0.0).any(axis=0)]
+        if len(left) and pattern.any():
+            radius = float(fleet.radius[agents][:, pattern].min())
+            speed = fleet.speed_max[agents]
+            swath = slow_swath(radius) if slow else swath_of(radius, float(speed.max()), period)
+            teams.append(Team(agents, left, swath, speed))
+    return teams
+
+
+def _strips(team: Team, position: FloatArray, axis: int) -> list[FloatArray]:
+    """Cut a team's cells into strips of equal work, and sweep each to and fro."""
+    across = (axis + 1) % position.shape[1]
+    here = position[team.agents]
+    parts = [part for part in strips(team.left, team.speed, across) if len(part)]
+    match = assign(here, _padded(np.array([part.mean(axis=0) for part in parts]), len(here)))
+    flown = []
+    for agent, part in enumerate(match):
+        lanes = cut_lanes(parts[part], team.swath, axis) if part < len(parts) else []
+        flown.append(snake(lanes, here[agent]) if lanes else here[agent][None])
+    return flown
+
+
+def _even_lanes(team: Team, axis: int) -> list[Lane]:
+    """Return lanes whose number is a multiple of the agents: no slot of a comb's last block stays empty."""
+    agents = len(team.agents)
+    lanes = cut_lanes(team.left, team.swath, axis)
+    blocks = -(-len(lanes) // agents)
+    return lanes if len(lanes) % agents == 0 else cut_lanes(team.left, team.swath, axis, count=blocks * agents)
+
+
+def _padded(points: FloatArray, count: int) -> FloatArray:
+    """Repeat the mean for agents that are left over."""
+    missing = count - len(points)
+    return np.concatenate([points, np.repeat(points.mean(axis=0)[None], missing, axis=0)]) if missing else points

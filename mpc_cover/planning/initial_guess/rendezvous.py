@@ -1,0 +1,148 @@
+"""Plans for a fleet whose members are out of range of each other: groups that hear each other fly towards the others.
+
+After the loss of a relay nothing comes before this: those who cannot be reached cannot be warned. Each group moves as
+one body, so that nobody in it is lost on the way, and all gaps close at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.constraints.graph import fleet_trees
+from mpc_cover.constraints.pairs import all_pairs
+from mpc_cover.model.fallback_motion import brake, plan_from_velocities
+from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mpc_cover.arrays import BoolArray, FloatArray, IntArray
+    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_state import FleetState
+    from mpc_cover.model.trajectory import Plan
+
+NEAR = 0.8
+"""Part of their range within which groups meet: they pass the range itself at full speed."""
+_DETOURS = (0.0, 1.5, -1.5, 3.0, -3.0)
+"""Ways around what lies between, in least distances."""
+_SWEEPS = 200
+"""Passes over the gaps; each closes one gap after another, and may open others a little."""
+
+
+def out_of_range(position: FloatArray, fleet: Fleet) -> bool:
+    """Return whether those who take part, at (m, d) [m], are out of range of each other."""
+    length, tree = _tree(position, fleet)
+    return bool((length[tree] > fleet.communication_range).any())
+
+
+def rendezvous_plans(start: FleetState, fleet: Fleet, period: float) -> Iterator[Plan]:
+    """Yield plans on which all gaps close, the fastest kinds first; whoever is lost stays where it is.
+
+    Nothing is promised about them: obstacles and other groups may be in the way, and velocities at the start may
+    tear a group apart. They are to be verified.
+    """
+    group = _groups(start.position, fleet)
+    for weights in _weights(group, fleet):
+        goal = _meeting(start.position, group, weights, fleet)
+        for aside, first in product(_DETOURS, (False, True)):
+            paths = _ways(start.position, goal, aside * fleet.separation_min)
+            yield _flown(start, paths, fleet, group, period, brake_first=first)
+
+
+def _tree(position: FloatArray, fleet: Fleet) -> tuple[FloatArray, BoolArray]:
+    one, two = all_pairs(fleet.size)
+    length = np.linalg.norm(position[one] - position[two], axis=1)
+    return length, fleet_trees(length[None], fleet)[0]
+
+
+def _groups(position: FloatArray, fleet: Fleet) -> IntArray:
+    """Return the (m,) number of the group of each agent: those whom edges of the tree join that are short enough."""
+    length, tree = _tree(position, fleet)
+    group = np.arange(fleet.size)
+    for i, j, kept in zip(*all_pairs(fleet.size), tree & (length <= fleet.communication_range), strict=True):
+        if kept:
+            group[group == group[j]] = group[i]
+    if len(set(group[list(fleet.active)].tolist())) > 1:
+        return group
+    # all hear each other, but hardly: the edges that are longer than they should be are the gaps
+    group = np.arange(fleet.size)
+    for i, j, kept in zip(*all_pairs(fleet.size), tree & (length <= NEAR * fleet.communication_range), strict=True):
+        if kept:
+            group[group == group[j]] = group[i]
+    if len(set(group[list(fleet.active)].tolist())) > 1:
+        return group
+    return np.arange(fleet.size)  # it is a link that is too long, between two whom others keep in touch
+
+
+def _weights(group: IntArray, fleet: Fleet) -> Iterator[FloatArray]:
+    """Yield (m,) how much each agent's group gives way: all by their speed, then all but one."""
+    slowest = np.array([fleet.speed_max[(group == own) & _active(fleet)].min(initial=np.inf) for own in group])
+    slowest[~_active(fleet)] = 0.0
+    yield slowest
+    for still in sorted(set(group[list(fleet.active)].tolist())):
+        yield np.where(group == still, 1e-6, slowest)
+
+
+def _active(fleet: Fleet) -> BoolArray:
+    return np.isin(np.arange(fleet.size), fleet.active)
+
+
+def _meeting(position: FloatArray, group: IntArray, weight: FloatArray, fleet: Fleet) -> FloatArray:
+    """Return (m, d) [m] where everyone is once all gaps are closed: each edge in turn pulls its two groups."""
+    near = NEAR * fleet.communication_range
+    goal = position.copy()
+    one, two = all_pairs(fleet.size)
+    gaps = [(i, j) for i, j, kept in zip(one, two, _tree(position, fleet)[1], strict=True) if kept]
+    for _ in range(_SWEEPS):
+        worst = 0.0
+        for i, j in gaps:
+            if group[i] == group[j]:
+                continue
+            between = goal[j] - goal[i]
+            distance = float(np.linalg.norm(between))
+            if (excess := distance - near) <= 0.0:
+                continue
+            worst = max(worst, excess)
+            pull = (excess / distance / (weight[i] + weight[j])) * between
+            goal[group == group[i]] += weight[i] * pull
+            goal[group == group[j]] -= weight[j] * pull
+        if worst < 1e-3 * near:
+            break
+    return np.where(_active(fleet)[:, None], goal, position)
+
+
+def _ways(position: FloatArray, goal: FloatArray, aside: float) -> list[FloatArray]:
+    """Return each agent's waypoints [m]: its goal, or with a bend both halfway and there, all to the same side."""
+    way = goal - position
+    longest = way[np.argmax(np.linalg.norm(way, axis=1))]
+    side = np.zeros_like(longest)
+    side[:2] = -longest[1], longest[0]
+    if (size := float(np.linalg.norm(side))) < 1e-9:  # noqa: PLR2004 - straight up or down
+        side, size = np.eye(longest.size)[0], 1.0
+    bend = np.where((way != 0.0).any(axis=1)[:, None], aside / size * side, 0.0)
+    if aside == 0.0:
+        return list(goal[:, None])
+    return list(np.stack([position + 0.5 * way + bend, goal + bend], axis=1))
+
+
+def _flown(
+    start: FleetState, paths: list[FloatArray], fleet: Fleet, group: IntArray, period: float, *, brake_first: bool
+) -> Plan:
+    """Return the plan along the ways: at once and everyone as fast as it can, or from rest and group by group."""
+    if not brake_first:
+        motion = track_waypoints(paths, start.position, start.velocity, fleet, period)
+        return start.plan(motion.velocity[1:], period)
+    braking = brake(start.velocity, fleet, period)
+    stopped = plan_from_velocities(start.position, start.velocity, braking, start.time, period).position[-1]
+    together = replace(
+        fleet,
+        speed_max=np.array([fleet.speed_max[group == own].min() for own in group]),
+        input_max=np.array([fleet.input_max[group == own].min() for own in group]),
+    )
+    moved = [path + (rest - here) for path, rest, here in zip(paths, stopped, start.position, strict=True)]
+    motion = track_waypoints(moved, stopped, np.zeros_like(start.velocity), together, period)
+    return start.plan(np.concatenate([braking, motion.velocity[1:]]), period)

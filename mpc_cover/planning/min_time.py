@@ -1,0 +1,209 @@
+"""Plans of whatever length covers everything: short ones, and the shortest that is found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from itertools import islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.planning.budget import late, part_of
+from mpc_cover.planning.initial_guess.boustrophedon import Guess, rest_guess, tour_guess
+from mpc_cover.planning.initial_guess.formation import formation_flight
+from mpc_cover.planning.multistart import Search, initial_guesses, multistart
+from mpc_cover.planning.segment_refinement import refine_segments
+from mpc_cover.planning.task import Candidate, Task, as_flown, as_moved, promise
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mpc_cover.planning.initial_guess.waypoint_tracking import Motion
+    from solvers.backends.base import Backend
+
+_EASY, _HARD = 0.92, 0.76
+"""SCPResult plans nearly always exist in the first part of the time in which a guess flies, and never in the second."""
+_SCREENED = 6
+"""So many guesses must have been compared before only the best kinds go on."""
+_SYSTEMATIC = 19
+"""Guesses that are flown as they are; the tour is the last of them."""
+_FLYING = 0.3
+"""Part of the time that flying guesses may take."""
+_KEPT = 3
+"""Kinds of guesses that are tried again at other lengths."""
+_FINALISTS = 3
+"""Plans that are flown on to what they leave over, when none covers everything."""
+_EXTENSIONS = 3
+_LARGE = 500
+"""Samples times agents beyond which one QP for the whole plan takes too long."""
+_REPAIR = 2.0
+"""What a metre of violation adds to the time that a guess promises, as a part of it."""
+_STRETCH, _PASSES, _TRIED = 24, 3, 3
+"""Samples of a stretch, passes over a plan, and guesses that are tried, of large plans."""
+
+
+def plan_free_horizon(
+    task: Task,
+    backend: Backend,
+    *,
+    attempts: int = 5,
+    search: Search | None = None,
+    deadline: float | None = None,
+) -> Candidate:
+    """Return a short plan that covers everything owed, or the best one found; anytime.
+
+    Begins with a length at which the first guess mostly suffices, and bisects between what covers everything
+    and what does not. What is still left over is flown to at the end. `attempts` bounds the lengths tried,
+    `deadline` is on `time.perf_counter`.
+    """
+    search = search or Search()
+    flights = _flights(task, search, deadline)
+    found = [as_flown(task, guess, motion) for guess, motion in flights]
+    still = rest_guess(task.position)
+    found.append(as_flown(task, still, task.flown(still, task.least_steps)))
+    work = min(motion.steps for _, motion in flights)
+    if work * task.fleet.size > _LARGE:
+        return _plan_large(task, backend, sorted(found, key=partial(promise, repair=_REPAIR)), deadline)
+    steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * work)
+    shortest = 0
+    for _ in range(attempts):
+        if late(deadline):
+            break
+        candidates = multistart(task, backend, steps, search, deadline)
+        best = candidates[0]
+        found.append(best)
+        if best.complete:
+            shortest = steps
+        else:
+            too_short = max(too_short, steps)
+        if len(candidates) > _SCREENED:
+            search = replace(search, kinds=_kinds(candidates))
+        if shortest:
+            steps = max(task.least_steps, (too_short + shortest) // 2)
+        else:
+            left = float(task.owed_after(best.plan).astype(bool).mean())
+            steps += max(2, round(min(max(left, 0.06), 0.3) * steps))
+        if steps in {too_short, shortest}:
+            break
+    found.sort(key=lambda candidate: candidate.rank)
+    finished = [_extended(task, candidate, backend, deadline) for candidate in found[:_FINALISTS] if candidate.feasible]
+    return min([*finished, *found], key=lambda candidate: candidate.rank)
+
+
+def _plan_large(task: Task, backend: Backend, flown: list[Candidate], deadline: float | None) -> Candidate:
+    """Repair and improve the best guesses stretch by stretch, then fly on to what is left over."""
+    resting = next(candidate for candidate in flown if candidate.kind == "rest")
+    found = [resting]
+    guesses = [candidate for candidate in flown if candidate is not resting]
+    for number, guess in enumerate(guesses[:_TRIED]):
+        if late(deadline):
+            break
+        until = part_of(deadline, 0.8 / (_TRIED - number))
+        motion = (guess.plan.position, guess.plan.velocity)
+        position, velocity = refine_segments(task, motion, backend, length=_STRETCH, passes=_PASSES, deadline=until)
+        found.append(as_moved(task, position[0], velocity, guess.kind))
+        if found[-1].feasible:
+            break
+    found += [guess for guess in guesses if guess.feasible]
+    finished = [_extended(task, candidate, backend, deadline) for candidate in found if candidate.feasible]
+    return min([*finished, *found], key=lambda candidate: candidate.rank)
+
+
+def plan_min_time(
+    task: Task,
+    backend: Backend,
+    *,
+    search: Search,
+    deadline: float | None = None,
+    told: Callable[[int, Candidate], None] | None = None,
+) -> Candidate:
+    """Return the shortest plan that covers everything which the search finds.
+
+    Goes down a sample at a time from a short plan, with more starts and hops each time one length fails: three
+    failures end it, or the deadline where there is one. `told` hears of each length that was tried.
+    """
+    best = plan_free_horizon(task, backend, search=replace(search, rounds=0), deadline=deadline)
+    if not best.complete:
+        return best
+    failures = 0
+    while (failures < _KEPT or deadline is not None) and best.plan.steps > task.least_steps and not late(deadline):
+        more = replace(
+            search,
+            starts=_SYSTEMATIC + 8 * failures,
+            finalists=6 + 4 * failures,
+            seed=search.seed + failures,
+            rounds=(search.rounds or 0) * 2**failures,
+        )
+        steps = best.plan.steps - 1
+        candidate = multistart(task, backend, steps, more, deadline)[0]
+        if told is not None:
+            told(steps, candidate)
+        if candidate.complete:
+            best, failures = candidate, 0
+        else:
+            failures += 1
+    return best
+
+
+def _flights(task: Task, search: Search, deadline: float | None) -> list[tuple[Guess, Motion]]:
+    """Fly systematic guesses to their ends: what they take is a measure of the work.
+
+    All of them where there is time, else twice as many as are to be told apart; one at the least.
+    """
+    flights: list[tuple[Guess, Motion]] = []
+    most, enough = (_SYSTEMATIC if search.starts > _SCREENED else 2 * search.starts), part_of(deadline, _FLYING)
+    for guess in islice(initial_guesses(task, search), most):
+        if "random" in guess.kind or (flights and late(enough)):
+            break
+        flights.append((guess, task.flown(guess, None)))
+    return flights
+
+
+def _kinds(candidates: list[Candidate]) -> tuple[str, ...]:
+    """Return the kinds of the best candidates, each once."""
+    ordered = dict.fromkeys(candidate.kind for candidate in candidates if candidate.kind != "rest")
+    return tuple(ordered)[:_KEPT]
+
+
+def _extended(task: Task, candidate: Candidate, backend: Backend, deadline: float | None) -> Candidate:
+    """Fly on to what the candidate leaves over, from its end at rest."""
+    for _ in range(_EXTENSIONS):
+        weight = task.owed_after(candidate.plan)
+        if not (weight > 0.0).any():
+            break
+        end = candidate.plan
+        rest = replace(
+            task, weight=weight, position=end.position[-1], velocity=end.velocity[-1], start_time=end.end_time
+        )
+        more = _flown_on(rest, backend, deadline)
+        if more is None:
+            break
+        candidate = _joined(task, candidate, more)
+    return candidate
+
+
+def _flown_on(rest: Task, backend: Backend, deadline: float | None) -> Candidate | None:
+    """Return how to measure some more of what is left over, by a tour, or as one body; None if nothing does."""
+    tour = tour_guess(rest.fleet, rest.cell, rest.weight, rest.position)
+    flight = rest.flown(tour, None)
+    more = as_flown(rest, tour, flight)
+    if not more.feasible and not late(deadline):
+        more = multistart(rest, backend, flight.steps, Search(starts=2, finalists=1), deadline)[0]
+    if _leads_on(rest, more):
+        return more
+    if (moved := formation_flight(rest, deadline)) is None:
+        return None
+    more = as_flown(rest, Guess("convoy", []), moved)
+    return more if _leads_on(rest, more) else None
+
+
+def _leads_on(rest: Task, more: Candidate) -> bool:
+    """Return whether a plan is feasible and leaves less than there was."""
+    left = np.count_nonzero(rest.owed_after(more.plan))
+    return more.feasible and bool(left < np.count_nonzero(rest.weight))
+
+
+def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:
+    velocity = np.concatenate([first.plan.velocity, second.plan.velocity[1:]])
+    return as_moved(task, first.plan.position[0], velocity, f"{first.kind}, then {second.kind}")

@@ -1,0 +1,188 @@
+"""Plans of a given length: several starts of different kinds, the best of them refined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain, islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.planning.basin_hopping import basin_hopping, reweighted
+from mpc_cover.planning.budget import late, part_of
+from mpc_cover.planning.initial_guess.boustrophedon import Guess, rest_guess, sweep_guesses, tour_guess
+from mpc_cover.planning.scp import SHARPNESS, evaluate, length_scale, optimise
+from mpc_cover.planning.task import Candidate, Task, candidate_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.planning.scp import SCPResult
+    from solvers.backends.base import Backend
+
+    Told = Callable[[int, Candidate], None]
+
+COARSE = (4.0, 10.0, 30.0)
+"""Stages that tell good starts from bad ones: after them the order of the costs is nearly the final one."""
+_FIRST = ("comb", "snake", "strips", "tour")
+"""Kinds in the order in which they tend to end well."""
+_HOPELESS = 1.5
+"""What costs more than this many sensing radii after refinement is not refined again."""
+_TOURED = 1500
+"""Cells up to which a tour is among the guesses for everything."""
+_JITTER = 0.35
+"""Random starts move the waypoints of others by this part of the sensing radius."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """How much to search.
+
+    Attributes
+    ----------
+    starts : guesses that are told apart by coarse stages; beyond the systematic ones they are random.
+    finalists : the best of them, refined until one covers everything.
+    seed : of the random ones.
+    kinds : only these guesses, in this order; empty for all.
+    rounds : hops from the best finalist while it leaves something over; None for as many as there is time for.
+    exact_cones : second-order cones instead of polytopes, where the back-end has them.
+    """
+
+    starts: int = 10
+    finalists: int = 2
+    seed: int = 0
+    kinds: tuple[str, ...] = ()
+    rounds: int | None = 0
+    exact_cones: bool = False
+
+
+def multistart(
+    task: Task,
+    backend: Backend,
+    steps: int,
+    search: Search | None = None,
+    deadline: float | None = None,
+    told: Told | None = None,
+) -> list[Candidate]:
+    """Return plans of exactly `steps` samples, the best first, from several starts; anytime.
+
+    The list holds what became of each start that was tried. `deadline` is on `time.perf_counter`; `told` hears
+    of the length and each better plan.
+    """
+    search = search or Search()
+    tell = told or _nobody
+    ocp = task.ocp(steps)
+    screening = part_of(deadline, 0.5)
+    tried: list[tuple[Guess, FloatArray, SCPResult]] = []
+    for guess in islice(initial_guesses(task, search), max(search.starts, 1)):
+        if late(screening) and tried:
+            break
+        x = ocp.exact_ends(task.flown(guess, steps).decision)
+        coarse = optimise(
+            ocp,
+            x,
+            backend,
+            sharpness=COARSE,
+            iterations=4,
+            deadline=deadline,
+            exact_cones=search.exact_cones,
+        )
+        tried.append((guess, x, coarse))
+        if coarse.complete:
+            break
+    tried.sort(key=lambda item: (not item[2].feasible, item[2].merit))
+    found = [candidate_of(task, steps, coarse, guess.kind) for guess, _, coarse in tried]
+    for finalist in tried[: search.finalists]:
+        if min(found, key=lambda c: c.rank).complete or late(deadline):
+            break
+        found.append(_finished(task, backend, steps, finalist, deadline, search))
+    best = min(found, key=lambda candidate: candidate.rank)
+    tell(steps, best)
+    still = ocp.exact_ends(task.flown(rest_guess(task.position), steps).decision)
+    if not best.complete and search.rounds != 0:
+        found.append(_hopped(task, backend, best, [still, *(x for _, x, _ in tried)], deadline, search, tell))
+    found.append(candidate_of(task, steps, evaluate(ocp, still), "rest"))
+    return sorted(found, key=lambda candidate: candidate.rank)
+
+
+def _finished(
+    task: Task,
+    backend: Backend,
+    steps: int,
+    finalist: tuple[Guess, FloatArray, SCPResult],
+    deadline: float | None,
+    search: Search,
+) -> Candidate:
+    """Refine a finalist from where the coarse stages left it, then once more from the start."""
+    guess, x, coarse = finalist
+    ocp = task.ocp(steps)
+    exact = search.exact_cones
+    refined = partial(optimise, ocp, backend=backend, deadline=deadline, exact_cones=exact)
+    fine = refined(x=coarse.x, sharpness=SHARPNESS[2:], iterations=8, region=0.5)
+    first = candidate_of(task, steps, fine, guess.kind)
+    if first.complete or first.cost > _HOPELESS * length_scale(ocp) or late(deadline):
+        return first
+    again = refined(x=x)
+    return min(first, candidate_of(task, steps, again, guess.kind), key=lambda candidate: candidate.rank)
+
+
+def _hopped(
+    task: Task,
+    backend: Backend,
+    best: Candidate,
+    guesses: list[FloatArray],
+    deadline: float | None,
+    search: Search,
+    tell: Told,
+) -> Candidate:
+    """Leave the local minimum that the best plan is in."""
+    steps = best.plan.steps
+    ocp = task.ocp(steps)
+    if best.refined is None:
+        return best
+    exact = search.exact_cones
+    pushed = reweighted(ocp, best.refined, backend, deadline=deadline, exact_cones=exact)
+    found = basin_hopping(
+        ocp,
+        pushed,
+        backend,
+        rounds=search.rounds,
+        guesses=guesses,
+        seed=search.seed,
+        deadline=deadline,
+        exact_cones=exact,
+        told=lambda refined: tell(steps, candidate_of(task, steps, refined, best.kind)),
+    )
+    return candidate_of(task, steps, found, best.kind)
+
+
+def _nobody(steps: int, candidate: Candidate) -> None:
+    """Hear nothing."""
+    del steps, candidate
+
+
+def initial_guesses(task: Task, search: Search) -> Iterator[Guess]:
+    """Yield guesses: the systematic ones in the order of their promise, then random relatives without end."""
+    if not (task.weight > 0.0).any():
+        yield rest_guess(task.position)
+        return
+    sweeps = sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period)
+    few = task.cell.shape[0] <= _TOURED  # a tour of everything is long to make and longer to fly
+    tours = [tour_guess(task.fleet, task.cell, task.weight, task.position)] if few else []
+    systematic = sorted(chain(sweeps, tours), key=lambda guess: _FIRST.index(guess.kind.split()[0]))
+    if search.kinds:
+        chosen = {guess.kind: guess for guess in systematic}
+        yield from (chosen[kind] for kind in search.kinds if kind in chosen)
+        return
+    yield from systematic
+    rng = np.random.default_rng(search.seed)
+    radius = float(task.fleet.radius[np.isfinite(task.fleet.radius)].min())
+    number = 0
+    while True:
+        number += 1
+        guess = systematic[int(rng.integers(len(systematic)))]
+        moved = [path + rng.normal(scale=_JITTER * radius, size=path.shape) for path in guess.paths]
+        inside = [np.clip(path, task.fleet.motion_min, task.fleet.motion_max) for path in moved]
+        yield replace(guess, kind=f"{guess.kind}, random {number}", paths=inside)

@@ -1,0 +1,117 @@
+"""The agent's own filter: which plans it is willing to fly, whoever sent them.
+
+A plan must be finite and of the right shape (`decoding`), meant for this very agent, from the newest
+controller, within the agent's limits, consistent with its dynamics, and at rest at its end. Whether it
+starts where the agent will be is judged against the agent's own prediction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.model.motion import roll_out
+from mpc_cover.service.agent.schedule import START_TOLERANCE
+from mpc_cover.service.protocol.decoding import Reason, RejectedError
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.agent.schedule import Flight
+    from mpc_cover.service.protocol.messages import PlanMessage
+
+LIMIT_TOLERANCE = 1e-6
+"""Relative to a speed or input limit; in metres for the fence."""
+DYNAMICS_TOLERANCE = 1e-6
+"""Between the plan's samples and the roll-out of its inputs [m], [m/s]."""
+REST_TOLERANCE = 1e-3
+"""Speed at the end of a plan [m/s]; the agent brakes away what is left."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What one agent can do: input [m/s^2], speed [m/s], and the box (d,) [m] that it stays in."""
+
+    input_max: float
+    speed_max: float
+    motion_min: FloatArray
+    motion_max: FloatArray
+
+
+def limits_of(mission: Mission, index: int) -> Limits:
+    """Return the limits of the mission's agent number `index`."""
+    fleet = mission.fleet
+    return Limits(float(fleet.input_max[index]), float(fleet.speed_max[index]), fleet.motion_min, fleet.motion_max)
+
+
+@dataclass
+class Authority:
+    """The newest controller heard; older epochs, and twins of this one, are turned away."""
+
+    epoch: int = -1
+    controller: str = ""
+    seq: int = -1
+
+    def check(self, message: PlanMessage) -> None:
+        """Raise RejectedError for an old epoch, another controller of this epoch, or an old plan."""
+        if message.epoch < self.epoch:
+            raise RejectedError(Reason.OLD_EPOCH, f"{message.epoch}, seen {self.epoch}")
+        if message.epoch > self.epoch:
+            return
+        if message.controller != self.controller:
+            raise RejectedError(Reason.OTHER_CONTROLLER, f"{message.controller}, epoch {self.epoch} is another's")
+        if message.seq <= self.seq:
+            raise RejectedError(Reason.OLD, f"plan {message.seq}, seen {self.seq}")
+
+    def accept(self, message: PlanMessage) -> None:
+        """Note the controller of a plan that passed every check."""
+        self.epoch, self.controller, self.seq = message.epoch, message.controller, message.seq
+
+
+def check_content(flight: Flight, limits: Limits) -> None:
+    """Check limits, fence, dynamics and rest.
+
+    Raises
+    ------
+    RejectedError
+        With the first reason found.
+    """
+    _check_norm(flight.input, limits.input_max, "input")
+    _check_norm(flight.velocity, limits.speed_max, "speed")
+    outside = np.maximum(limits.motion_min - flight.position, flight.position - limits.motion_max).max()
+    if outside > LIMIT_TOLERANCE:
+        raise RejectedError(Reason.FENCE, f"{outside:.3g} m outside")
+    position, velocity = roll_out(
+        flight.position[:1], flight.velocity[:1], flight.input[:, None, :], flight.period_s
+    )  # one agent: (N+1, 1, d)
+    error = max(_gap(position[:, 0], flight.position), _gap(velocity[:, 0], flight.velocity))
+    if not error <= DYNAMICS_TOLERANCE:
+        raise RejectedError(Reason.DYNAMICS, f"off by {error:.3g}")
+    speed = float(np.linalg.norm(flight.velocity[-1]))
+    if speed > REST_TOLERANCE:
+        raise RejectedError(Reason.NOT_AT_REST, f"{speed:.3g} m/s")
+
+
+def check_time(message: PlanMessage, now_s: float) -> None:
+    """Raise RejectedError when the plan should have been taken up before `now_s`."""
+    if now_s > message.valid_until_s:
+        raise RejectedError(Reason.EXPIRED, f"{now_s - message.valid_until_s:.3g} s ago")
+
+
+def check_start(planned: tuple[FloatArray, FloatArray], own: tuple[FloatArray, FloatArray]) -> None:
+    """Raise RejectedError when position or velocity (d,) differ from the agent's own at that instant."""
+    error = max(_gap(planned[0], own[0]), _gap(planned[1], own[1]))
+    if not error <= START_TOLERANCE:
+        raise RejectedError(Reason.START, f"off by {error:.3g}")
+
+
+def _check_norm(vectors: FloatArray, limit: float, what: str) -> None:
+    largest = float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
+    if largest > limit * (1.0 + LIMIT_TOLERANCE):
+        raise RejectedError(Reason.LIMITS, f"{what} {largest:.6g} above {limit:g}")
+
+
+def _gap(first: FloatArray, second: FloatArray) -> float:
+    return float(np.abs(first - second).max(initial=0.0))

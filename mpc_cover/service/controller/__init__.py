@@ -1,0 +1,1 @@
+"""The controller daemon: listen, predict, control law, optimise, filter, publish."""

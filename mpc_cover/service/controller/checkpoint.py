@@ -1,0 +1,150 @@
+"""Checkpoints of what was covered: torn or damaged ones are recognised, and the older one is taken."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import time
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from mpc_cover.information.build import make_map
+from mpc_cover.service.controller.snapshot import Snapshot
+from mpc_cover.service.controller.state_directory import write_durably
+from mpc_cover.service.protocol.fingerprint import mission_hash
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.controller.state_directory import StateDirectory
+
+SCHEMA = 2
+GENERATIONS = 2
+PERIOD_S = 1.0
+"""How often a checkpoint is written [s of the machine's clock]."""
+
+
+class _Header(msgspec.Struct, frozen=True):
+    """What precedes the map's arrays, which follow in the order of `shapes` as little-endian doubles."""
+
+    mission: str
+    generation: int
+    mission_time_s: float
+    finished: bool
+    shapes: dict[str, tuple[int, ...]]
+    origins: dict[str, float]
+    schema: int = SCHEMA
+    lost: dict[str, list[float]] = {}
+    heard: dict[str, int] = {}
+
+
+def pack(snapshot: Snapshot, mission: str, generation: int) -> bytes:
+    """Return the bytes of a checkpoint: a checksum, a header, the map."""
+    header = _Header(
+        mission,
+        generation,
+        snapshot.mission_time_s,
+        snapshot.finished,
+        {name: array.shape for name, array in snapshot.map.items()},
+        snapshot.origins,
+        lost=snapshot.lost,
+        heard=snapshot.heard,
+    )
+    arrays = b"".join(array.astype("<f8").tobytes() for array in snapshot.map.values())
+    body = msgspec.json.encode(header) + b"\n" + arrays
+    return hashlib.sha256(body).hexdigest().encode() + b"\n" + body
+
+
+def unpack(data: bytes) -> tuple[str, int, Snapshot] | None:
+    """Return mission hash, generation and snapshot, or None when the bytes are torn or damaged."""
+    checksum, _, body = data.partition(b"\n")
+    if hashlib.sha256(body).hexdigest().encode() != checksum:
+        return None
+    try:
+        head, _, arrays = body.partition(b"\n")
+        header = msgspec.json.decode(head, type=_Header)
+        kept = _arrays(np.frombuffer(arrays, dtype="<f8"), header.shapes)
+    except (msgspec.MsgspecError, ValueError):
+        return None  # written by something else, or by another version
+    snapshot = Snapshot(header.mission_time_s, kept, header.finished, header.origins, header.lost, header.heard)
+    return header.mission, header.generation, snapshot
+
+
+def _arrays(values: FloatArray, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, FloatArray]:
+    """Cut the doubles of all arrays, one after another, into those of these shapes; a ValueError if they don't fit."""
+    ends = np.cumsum([math.prod(shape) for shape in shapes.values()])
+    if values.size != (ends[-1] if ends.size else 0):
+        raise ValueError("other sizes")
+    parts = np.split(values.astype(float), ends[:-1])
+    return {name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
+
+
+class FileCheckpoints:
+    """Keeps checkpoints in a state directory, in turn in two files."""
+
+    def __init__(
+        self, folder: StateDirectory, mission: Mission, monotonic: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._folder = folder
+        self._mission = mission_hash(mission)
+        self._given = mission
+        self._monotonic = monotonic
+        self._due_s = -np.inf
+        self._kept = self._read()
+        self._generation = max((generation for _, generation, _ in self._kept), default=0)
+
+    def load(self) -> tuple[Snapshot | None, str]:
+        """Return where to resume, if anywhere, and what to tell the user about it."""
+        if not self._kept:
+            damaged = any(path.exists() for path in self._paths())
+            return None, "no checkpoint is readable: starts afresh" if damaged else ""
+        mission, _, snapshot = max(self._kept, key=lambda kept: kept[1])
+        if mission != self._mission or not self._fits(snapshot):
+            return None, "the checkpoint is of another version of this mission: starts afresh"
+        if snapshot.finished:
+            return None, "the mission was finished: starts afresh"
+        return snapshot, f"goes on from the checkpoint at mission time {snapshot.mission_time_s:.1f} s"
+
+    def save(self, snapshot: Snapshot, *, now: bool) -> str | None:
+        """Write a checkpoint, at most one a second unless `now`; return what went wrong, if anything."""
+        time_s = self._monotonic()
+        if not now and time_s < self._due_s:
+            return None
+        self._due_s = time_s + PERIOD_S
+        generation = self._generation + 1
+        try:
+            write_durably(self._paths()[generation % GENERATIONS], pack(snapshot, self._mission, generation))
+        except OSError as error:
+            return f"the checkpoint cannot be written: {error.strerror}; control goes on"
+        self._generation = generation
+        return None
+
+    def close(self) -> None:
+        """Unlock the folder."""
+        self._folder.close()
+
+    def _fits(self, snapshot: Snapshot) -> bool:
+        try:
+            make_map(self._given).restore(snapshot.map)
+        except ValueError:
+            return False
+        return True
+
+    def _paths(self) -> list[Path]:
+        return [self._folder.path / f"coverage.{index}" for index in range(GENERATIONS)]
+
+    def _read(self) -> list[tuple[str, int, Snapshot]]:
+        kept = []
+        for path in self._paths():
+            try:
+                data = path.read_bytes()
+            except OSError:
+                continue
+            if (unpacked := unpack(data)) is not None:
+                kept.append(unpacked)
+        return kept

@@ -1,0 +1,218 @@
+"""The controller's picture of its agents: who is there, where they are, and how their clocks run."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.service.protocol.decoding import Reason, RejectedError, decode_state
+from mpc_cover.service.protocol.fingerprint import mission_hash
+from mpc_cover.service.protocol.keys import Keys, agent_of
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.protocol.bus import Received, Transport
+    from mpc_cover.service.protocol.messages import State
+
+STATE_DEPTH = 1024
+"""States kept for each agent between two ticks."""
+LATE_PERIODS = 3.0
+"""A state older than this many state periods is late: the agent is predicted along its plan."""
+JUMP_M = 0.01
+"""A state may be this much further from the last than the agent's speed allows [m]."""
+
+
+@dataclass
+class AgentLink:
+    """What is known of one agent.
+
+    The offset (controller's clock minus agent's) is the smallest of (received - sent) so far: the message
+    that was delayed least, and no less than `delay_s`. It is frozen while a mission is flown, so that the plans'
+    samples stay on one grid of the agent's clock. `before` is the state before the newest.
+    """
+
+    id: str
+    speed_max: float
+    noise_m: float = 0.0
+    delay_s: float = 0.0
+    state: State | None = None
+    before: State | None = None
+    _smallest: float = np.inf
+    _frozen: float | None = None
+    retired: set[str] = field(default_factory=set)
+
+    @property
+    def offset(self) -> float:
+        """Controller's clock minus agent's clock [s]."""
+        return self._smallest if self._frozen is None else self._frozen
+
+    def freeze(self) -> None:
+        """Keep the offset as it is."""
+        self._frozen = self._smallest
+
+    def accept(self, state: State, received_s: float) -> bool:
+        """Take in a state; return whether the agent began a new life.
+
+        Raises
+        ------
+        RejectedError
+            It is of a former life, old, repeated, or nowhere that the agent can be.
+        """
+        reborn = self.state is None or state.instance != self.state.instance
+        if reborn:
+            self._begin(state)
+        else:
+            self._check(state)
+        self.before, self.state = None if reborn else self.state, state
+        self._smallest = min(self._smallest, received_s - state.time_s - self.delay_s)
+        return reborn
+
+    def measured_s(self) -> float:
+        """When the newest state was measured, in the controller's clock [s]; -inf before the first."""
+        return self.state.time_s + self.offset if self.state else -np.inf
+
+    def silent_s(self, now_s: float) -> float:
+        """Return for how long nothing was heard that should have been [s]; inf before the first."""
+        return now_s - self.measured_s() - self.delay_s
+
+    def planned(self) -> tuple[FloatArray, FloatArray]:
+        """Return where its plans have it, (d,) [m], [m/s]: measured, unless it tells that it tracks a reference."""
+        assert self.state is not None
+        position, velocity = self.state.reference_position, self.state.reference_velocity
+        if position is None or velocity is None:
+            return self.measured()
+        return np.array(position), np.array(velocity)
+
+    def measured(self) -> tuple[FloatArray, FloatArray]:
+        """Return where it measured that it is, (d,) [m], [m/s]."""
+        assert self.state is not None
+        return np.array(self.state.position), np.array(self.state.velocity)
+
+    def _begin(self, state: State) -> None:
+        if state.instance in self.retired:
+            raise RejectedError(Reason.OLD, f"instance {state.instance} of {self.id} was replaced")
+        if self.state:
+            self.retired.add(self.state.instance)
+        self._smallest, self._frozen = np.inf, None
+
+    def _check(self, state: State) -> None:
+        last = self.state
+        assert last is not None
+        if state.seq <= last.seq or state.time_s < last.time_s:
+            raise RejectedError(Reason.OLD, f"state {state.seq} of {self.id} after {last.seq}")
+        jump = float(np.linalg.norm(np.subtract(state.position, last.position)))
+        if jump > self.speed_max * (state.time_s - last.time_s) + JUMP_M + 2.0 * self.noise_m:
+            raise RejectedError(Reason.IMPLAUSIBLE, f"{self.id} moved {jump:.3g} m in no time")
+
+
+class FleetMonitor:
+    """All agents of a mission, in the order of its arrays.
+
+    `speed` is that of the controller's clock; `history` is how many past states of each agent to ask for.
+    """
+
+    def __init__(self, mission: Mission, transport: Transport, speed: float = 1.0, *, history: int = 0) -> None:
+        fleet, keys = mission.fleet, Keys(mission.spec.name)
+        given = mission.spec.disturbance
+        self.links = [
+            AgentLink(name, float(speed), given.position_noise_m, given.delay_s)
+            for name, speed in zip(fleet.ids, fleet.speed_max, strict=True)
+        ]
+        self.rejected: Counter[Reason] = Counter()
+        self.reborn: list[str] = []
+        self._known: dict[str, int] = {}
+        self._index = {name: index for index, name in enumerate(fleet.ids)}
+        self._shape = fleet.start.shape
+        self.speed, self._mission = speed, mission_hash(mission)
+        self._state_period = mission.spec.control.state_period_s
+        self._keys = keys
+        self._states = transport.inbox(keys.state(), STATE_DEPTH * fleet.size, history=history)
+        self._presence = transport.presence(keys.agent_alive())
+
+    def skip(self, heard: dict[str, int]) -> None:
+        """Measure nothing from states up to these numbers, by the agent's instance: they were taken in before."""
+        self._known = dict(heard)
+
+    def receive(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Take in what arrived; return the measurements as (times in the controller's clock (m,) [s], (m, d) [m]).
+
+        Every accepted state is in one of them; rows of agents without one are NaN, their times -inf.
+        """
+        measured: list[list[State]] = [[] for _ in self.links]
+        self.reborn = []
+        for item in self._states.drain():
+            try:
+                index, state = self._accept(item)
+            except RejectedError as error:
+                self.rejected[error.reason] += 1
+            else:
+                if state.seq > self._known.get(state.instance, -1):
+                    measured[index].append(state)
+        return [self._round(measured, number) for number in range(max(map(len, measured)))]
+
+    def _accept(self, item: Received) -> tuple[int, State]:
+        state = decode_state(item.payload, self._shape[1])
+        index = self._index.get(state.agent, -1)
+        if index < 0 or agent_of(item.key) != state.agent:
+            raise RejectedError(Reason.WRONG_AGENT, f"{state.agent} on {item.key}")
+        if self.links[index].accept(state, item.received_s):
+            self.reborn.append(state.agent)
+        return index, state
+
+    def _round(self, measured: list[list[State]], number: int) -> tuple[FloatArray, FloatArray]:
+        position = np.full(self._shape, np.nan)
+        time_s = np.full(self._shape[0], -np.inf)
+        for index, states in enumerate(measured):
+            if number < len(states):
+                position[index] = states[number].position
+                time_s[index] = states[number].time_s + self.links[index].offset
+        return time_s, position
+
+    def present(self) -> list[str]:
+        """Return the ids whose liveliness token is alive."""
+        alive = {agent_of(key) for key in self._presence.alive()}
+        return [link.id for link in self.links if link.id in alive]
+
+    def token_went_s(self, link: AgentLink) -> float:
+        """Return when an agent's liveliness token went last, by the controller's clock [s]; -inf when it never did."""
+        return self._presence.gone_s(self._keys.agent_alive(link.id))
+
+    def late(self, now_s: float, than_s: float | None = None) -> list[str]:
+        """Return the ids whose newest state is older than three state periods, or than `than_s`."""
+        limit = LATE_PERIODS * self._state_period if than_s is None else than_s
+        return [link.id for link in self.links if link.silent_s(now_s) > limit]
+
+    def awaited(self, now_s: float, patience_s: float) -> dict[str, str]:
+        """Return, by id, what is still missing before each is here, heard just now, and at rest."""
+        present, late = set(self.present()), set(self.late(now_s, patience_s))
+        missing = {}
+        for link in self.links:
+            if link.state is None or link.id not in present or link.id in late:
+                missing[link.id] = f"{link.id} is not here"
+            elif link.state.mission != self._mission:
+                missing[link.id] = f"{link.id} has another version of this mission"
+            elif link.state.speed != self.speed:
+                own = f"this controller at {self.speed:g}"
+                missing[link.id] = f"{link.id} runs at --speed {link.state.speed:g}, {own}"
+            elif not link.state.at_rest:
+                missing[link.id] = f"{link.id} still moves"
+        return missing
+
+    def moving(self, now_s: float) -> list[str]:
+        """Return the ids that are heard and not at rest."""
+        late = set(self.late(now_s))
+        return [link.id for link in self.links if link.id not in late and link.state and not link.state.at_rest]
+
+    def newest_epoch(self) -> int:
+        """Return the highest epoch that any agent flies for; 0 when none does."""
+        states = [link.state for link in self.links if link.state]
+        return max((ref.epoch for state in states for ref in (state.plan, state.next_plan) if ref), default=0)
+
+    def freeze_clocks(self) -> None:
+        """Keep the clock offsets, as the best known so far, for the flight to come."""
+        for link in self.links:
+            link.freeze()

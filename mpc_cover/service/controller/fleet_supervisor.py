@@ -1,0 +1,231 @@
+"""The agents as the brain is to think of them: on their plans, off them, slower than they should be, or lost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.control.control_law import AvoidsObstacles, LimitsSpeed, ToleratesLosses
+from mpc_cover.control.obstacle_trajectories import ObstacleTrajectory
+from mpc_cover.service.agent.schedule import SNAP_S
+from mpc_cover.service.controller.failure_detector import SILENT_PART, FailureDetector, FailureMode
+from mpc_cover.service.controller.plan_publisher import UnknownPlanError
+from mpc_cover.service.controller.speed_estimation import SpeedEstimator
+from mpc_cover.service.controller.state_prediction import StatePredictor, resting
+from mpc_cover.service.run.recording import motion_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from mpc_cover.arrays import FloatArray
+    from mpc_cover.control.control_law import ControlLaw
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.agent.vehicle import MotionState
+    from mpc_cover.service.controller.fleet_monitor import FleetMonitor
+    from mpc_cover.service.controller.plan_publisher import PlanPublisher
+
+MOVED_M = 1e-4
+"""Whoever moved further than this during the planning was not at rest [m]."""
+FAR_HORIZONS = 3.0
+"""After so many horizons everyone has flown whatever it may have been sent."""
+
+
+class FleetSupervisor:
+    """Judges the agents by their reports, and tells the brain what has changed.
+
+    A brain that cannot share out the work of the lost makes the fleet regroup instead: `call` says so.
+
+    Parameters
+    ----------
+    mission, fleet, plan_publisher, brain : who flies what, and who plans for them.
+    rests : where agents rest, (d,) [m], that an earlier controller had lost.
+    tell : told events, of a kind, in words.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        fleet: FleetMonitor,
+        plan_publisher: PlanPublisher,
+        law: ControlLaw,
+        rests: Mapping[str, Sequence[float]],
+        tell: Callable[[str, str], None],
+    ) -> None:
+        control = mission.spec.control
+        self.fleet = fleet
+        self._ids = mission.fleet.ids
+        self._law, self._plan_publisher, self._tell = law, plan_publisher, tell
+        self._detector = FailureDetector(mission, fleet)
+        self._predictor = StatePredictor(mission, plan_publisher)
+        self._speeds = SpeedEstimator(mission)
+        self._horizon_s = control.horizon_steps * control.period_s
+        self._rests = {self._ids.index(name): np.array(place) for name, place in rests.items() if name in self._ids}
+        self._straying: set[int] = set()
+        if self._rests and isinstance(law, ToleratesLosses):
+            self._detector.lost = dict.fromkeys(self._rests, FailureMode.BRAKES)
+            self._share()
+
+    @property
+    def lost(self) -> list[str]:
+        """The names of those that the others do without."""
+        return self._detector.ids()
+
+    @property
+    def lost_indices(self) -> frozenset[int]:
+        """Their numbers."""
+        return frozenset(self._detector.lost)
+
+    def call(self, now_s: float, patience_s: float) -> str:
+        """See who is lost, back or slow; return why everyone should rather stop and wait, if so."""
+        self._learn_pace()
+        if not isinstance(self._law, ToleratesLosses):
+            return self._who_is_missed(now_s)
+        back, gone = self._detector.back(now_s, patience_s), self._detector.gone(now_s)
+        if len(self._detector.lost) - len(back) + len(gone) == len(self._ids):
+            if self._detector.lost:
+                self._detector.lost = {}
+                self._share()
+            return "nobody is heard"
+        for index in back:
+            del self._detector.lost[index]
+            self._readmit(index)
+        for index, fate in gone.items():
+            self._detector.lost[index] = fate
+            self._bid_farewell(index)
+        if back or gone:
+            self._share()
+        return ""
+
+    def missing(self, now_s: float, patience_s: float) -> list[str]:
+        """Return what is still missing before everyone who is not lost is here and at rest."""
+        awaited = self.fleet.awaited(now_s, patience_s)
+        return [text for name, text in awaited.items() if name not in self.lost]
+
+    def at_rest(self) -> tuple[FloatArray, FloatArray]:
+        """Return where a fleet at rest is by its plans, (m, d) [m], [m/s], and where the lost are."""
+        links = enumerate(self.fleet.links)
+        return _stacked([self._rest_of(i) if i in self._detector.lost else link.planned() for i, link in links])
+
+    def moved_from(self, position: FloatArray) -> bool:
+        """Return whether anyone who is not lost is elsewhere than at (m, d) [m]."""
+        here = [index for index in range(len(self._ids)) if index not in self._detector.lost]
+        return bool((np.abs(self.at_rest()[0] - position)[here] > MOVED_M).any())
+
+    def ahead(self, time_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return where everyone will be at `time_s` of the controller's clock, the lost at rest: (m, d) [m], [m/s].
+
+        Raises
+        ------
+        UnknownPlanError
+            Someone flies a plan that this controller did not send.
+        """
+        self._note_strays()
+        return _stacked([self._ahead(index, time_s) for index in range(len(self._ids))])
+
+    def warn(self, time_s: float, origin_s: float) -> None:
+        """Tell the brain of the lost who still move at `time_s` of the controller's clock; mission time 0 is then."""
+        if isinstance(self._law, AvoidsObstacles):
+            obstacles = {index: self._course_of(index, origin_s) for index in self._detector.lost}
+            self._law.set_obstacles(
+                {index: course for index, course in obstacles.items() if course and course.time[-1] > time_s - origin_s}
+            )
+
+    def settled(self, now_s: float) -> bool:
+        """Return whether everyone who is not lost was heard just now and does not move any more."""
+        late = set(self.fleet.late(now_s))
+        here = [(index, link) for index, link in enumerate(self.fleet.links) if index not in self._detector.lost]
+        try:
+            return all(link.id not in late and self._predictor.settled(index, link) for index, link in here)
+        except UnknownPlanError:
+            return False
+
+    def resting_places(self) -> dict[str, list[float]]:
+        """Return where the lost come to rest, (d,) [m], for a successor."""
+        return {self._ids[index]: self._rest_of(index)[0].tolist() for index in self._detector.lost}
+
+    def _ahead(self, index: int, time_s: float) -> MotionState:
+        if index in self._detector.lost:
+            return self._rest_of(index)
+        link = self.fleet.links[index]
+        return self._predictor.ahead(index, link, time_s, self._speeds.speed_max(index, link))
+
+    def _rest_of(self, index: int) -> MotionState:
+        """Return where someone lost comes to rest: braked when it died, or at the end of its plan."""
+        link = self.fleet.links[index]
+        if link.state is None:
+            return resting(self._rests[index])
+        end_s = link.measured_s() + FAR_HORIZONS * self._horizon_s
+        if self._detector.lost[index] is FailureMode.FLIES_ON:
+            try:
+                return resting(self._predictor.ahead(index, link, end_s, self._speeds.speed_max(index, link))[0])
+            except UnknownPlanError:
+                return resting(link.measured()[0])
+        return resting(self._predictor.braked(index, link, end_s, self.fleet.token_went_s(link))[0])
+
+    def _course_of(self, index: int, origin_s: float) -> ObstacleTrajectory | None:
+        """Return how someone lost comes to rest, in mission time; None when that is not known."""
+        link = self.fleet.links[index]
+        if link.state is None:
+            return None
+        died_s = self.fleet.token_went_s(link) if self._detector.lost[index] is FailureMode.BRAKES else None
+        end_s = link.measured_s() + FAR_HORIZONS * self._horizon_s
+        try:
+            motion = motion_of(self._predictor.course(index, link, end_s, died_s).pieces)
+        except UnknownPlanError:
+            return None
+        rows = int(np.searchsorted(motion.time, motion.rests_from() + SNAP_S))
+        shift = link.offset - origin_s
+        return ObstacleTrajectory(
+            motion.time[:rows] + shift, motion.position[:rows], motion.velocity[:rows], motion.input[:rows]
+        )
+
+    def _who_is_missed(self, now_s: float) -> str:
+        if self.fleet.reborn:
+            return f"{', '.join(self.fleet.reborn)} started anew"
+        patience_s = SILENT_PART * self._horizon_s
+        late = self.fleet.late(now_s, patience_s)
+        return f"{', '.join(late)} not heard for {patience_s:g} s" if late else ""
+
+    def _bid_farewell(self, index: int) -> None:
+        name = self._ids[index]
+        if name in self.fleet.reborn:
+            self._plan_publisher.forget(index)
+        self._tell(_kind("lost", name), f"{name} is lost: its work is shared out")
+
+    def _readmit(self, index: int) -> None:
+        name, link = self._ids[index], self.fleet.links[index]
+        link.freeze()
+        self._plan_publisher.forget(index)
+        self._speeds.forget(index)
+        if isinstance(self._law, LimitsSpeed):
+            self._law.limit_speed(index, 1.0)
+        self._tell(_kind("back", name), f"{name} is back: work is shared with it again")
+
+    def _share(self) -> None:
+        assert isinstance(self._law, ToleratesLosses)
+        self._law.set_lost(np.isin(np.arange(len(self._ids)), list(self._detector.lost)))
+
+    def _learn_pace(self) -> None:
+        for index, link in enumerate(self.fleet.links):
+            if index not in self._detector.lost and self._speeds.learn(index, link):
+                part = float(self._speeds.part[index])
+                self._tell(_kind("slow", link.id), f"{link.id} is slow: plans ask for {part:.0%} of its speed")
+                if isinstance(self._law, LimitsSpeed):
+                    self._law.limit_speed(index, part)
+
+    def _note_strays(self) -> None:
+        links = enumerate(self.fleet.links)
+        straying = {i for i, link in links if i not in self._detector.lost and self._predictor.strays(link)}
+        for index in sorted(straying - self._straying):
+            name = self._ids[index]
+            self._tell(_kind("strays", name), f"{name} strays from its plan: the next one starts where it is")
+        self._straying = straying
+
+
+def _stacked(states: list[MotionState]) -> tuple[FloatArray, FloatArray]:
+    return np.array([position for position, _ in states]), np.array([velocity for _, velocity in states])
+
+
+def _kind(what: str, name: str) -> str:
+    return f"{what}-{name}"[:64]

@@ -1,0 +1,71 @@
+"""What the fleet has measured, and when: states in, a marked map out, and what a successor needs to know."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.service.controller.fleet_monitor import FleetMonitor
+from mpc_cover.service.controller.snapshot import Snapshot
+from mpc_cover.service.protocol import bus
+
+if TYPE_CHECKING:
+    from mpc_cover.information.demand import FlownMap
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.controller.mission_clock import MissionClock
+    from mpc_cover.service.protocol.bus import Transport
+
+
+class MeasurementUpdate:
+    """Marks the map from measured positions, in mission time.
+
+    With `resume`, the survey of an earlier controller is taken up: its map, what the agents have measured since
+    (they keep a history), and its mission time, by the clock of an agent that both controllers know.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        transport: Transport,
+        coverage: FlownMap,
+        mission_clock: MissionClock,
+        *,
+        speed: float,
+        resume: Snapshot | None,
+    ) -> None:
+        self.fleet = FleetMonitor(mission, transport, speed, history=bus.STATE.history if resume else 0)
+        self._coverage, self._mission_clock = coverage, mission_clock
+        self._origins: dict[str, float] = {}
+        if resume is not None:
+            coverage.restore(resume.map)
+            self._origins = dict(resume.origins)
+            self.fleet.skip(resume.heard)
+
+    def listen(self) -> None:
+        """Take in the states that arrived, and mark what was measured."""
+        rounds = self.fleet.receive()
+        self._find_origin()
+        for measured_s, position in rounds:
+            mission_s = [self._mission_clock.at(time_s) if np.isfinite(time_s) else -np.inf for time_s in measured_s]
+            self._coverage.observe(np.array(mission_s), position)
+
+    def snapshot(self, lost: dict[str, list[float]], *, finished: bool) -> Snapshot:
+        """Return how far the mission is; `lost` says where who is lost rests."""
+        heard = {link.state.instance: link.state.seq for link in self.fleet.links if link.state}
+        origins = self._agent_origins()
+        return Snapshot(self._mission_clock.now(), self._coverage.state(), finished, origins, lost, heard)
+
+    def _find_origin(self) -> None:
+        """Let mission time run on as it did under the controller before."""
+        for link in self.fleet.links if self._origins else ():
+            if link.state and link.state.instance in self._origins:
+                self._mission_clock.resume(self._origins[link.state.instance] + link.offset)
+                self._origins = {}
+                return
+
+    def _agent_origins(self) -> dict[str, float]:
+        if not self._mission_clock.running:
+            return self._origins
+        origin_s = self._mission_clock.origin_s
+        return {link.state.instance: origin_s - link.offset for link in self.fleet.links if link.state}

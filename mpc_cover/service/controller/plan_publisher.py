@@ -1,0 +1,120 @@
+"""Plans on their way: cut for each agent, sent in its own clock, and remembered as long as it may fly them."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mpc_cover.service.agent.schedule import Flight, Schedule, flight_of
+from mpc_cover.service.protocol import bus
+from mpc_cover.service.protocol.keys import Keys
+from mpc_cover.service.protocol.messages import PlanMessage, PlanRef, encode
+
+if TYPE_CHECKING:
+    from collections.abc import Container
+
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.model.trajectory import Plan
+    from mpc_cover.service.controller.fleet_monitor import AgentLink
+    from mpc_cover.service.protocol.bus import Transport
+
+REMEMBERED = 16
+"""Plans kept for each agent: under loss it may still fly an older one."""
+
+
+class UnknownPlanError(Exception):
+    """An agent flies a plan that this controller did not send, or sent too long ago."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sent:
+    """A plan sent, and when by the controller's clock [s]."""
+
+    flight: Flight
+    sent_s: float
+
+
+class PlanPublisher:
+    """Sends plans and knows what each agent flies."""
+
+    def __init__(self, mission: Mission, transport: Transport, epoch: int, controller: str) -> None:
+        keys = Keys(mission.spec.name)
+        self._epoch = epoch
+        self._controller = controller
+        self._input_max = mission.fleet.input_max
+        self._state_period = mission.spec.control.state_period_s
+        self._publishers = [transport.publisher(keys.plan(name), bus.PLAN) for name in mission.fleet.ids]
+        self._sent: list[deque[Sent]] = [deque(maxlen=REMEMBERED) for _ in mission.fleet.ids]
+        self._seq = 0
+
+    def send(
+        self, plan: Plan, links: list[AgentLink], origin_s: float, now_s: float, without: Container[int] = ()
+    ) -> None:
+        """Send each agent its part of a plan; mission time 0 is at `origin_s` of the controller's clock."""
+        for index, link in enumerate(links):
+            if index in without:
+                continue
+            message = self._cut(plan, index, link, origin_s)
+            self._sent[index].append(Sent(flight_of(message), now_s))
+            self._publishers[index].publish(encode(message))
+        self._seq += 1
+
+    def forget(self, index: int) -> None:
+        """Start afresh with agent number `index`: it is at rest, or another one."""
+        self._sent[index].clear()
+
+    def schedule(self, index: int, link: AgentLink) -> Schedule:
+        """Return what an agent flies and will fly, by its own report.
+
+        Raises
+        ------
+        UnknownPlanError
+            It reports a plan that is not known here.
+        """
+        assert link.state is not None
+        schedule = Schedule(float(self._input_max[index]), self._find(index, link.state.plan))
+        if queued := self._find(index, link.state.next_plan):
+            schedule.add(queued)
+        for flight in self._unreported(index, link, {link.state.plan, link.state.next_plan}):
+            schedule.add(flight)
+        return schedule
+
+    def _unreported(self, index: int, link: AgentLink, reported: set[PlanRef | None]) -> list[Flight]:
+        """Return the plans sent since: agents look at their mail once a state period, so they may well have them.
+
+        Not one that the agent says it turned away: what starts where that one leads is turned away as well.
+        """
+        assert link.state is not None
+        since: list[Flight] = []
+        for sent in self._sent[index]:
+            if sent.flight.ref in reported:
+                since = []
+            elif link.measured_s() <= sent.sent_s + self._state_period and sent.flight.ref != link.state.refused:
+                since.append(sent.flight)
+        return since
+
+    def _find(self, index: int, ref: PlanRef | None) -> Flight | None:
+        if ref is None:
+            return None
+        for sent in self._sent[index]:
+            if sent.flight.ref == ref:
+                return sent.flight
+        raise UnknownPlanError(f"epoch {ref.epoch}, plan {ref.seq}")
+
+    def _cut(self, plan: Plan, index: int, link: AgentLink, origin_s: float) -> PlanMessage:
+        assert link.state is not None
+        start_s = origin_s + plan.start_time - link.offset
+        return PlanMessage(
+            epoch=self._epoch,
+            controller=self._controller,
+            seq=self._seq,
+            agent=link.id,
+            instance=link.state.instance,
+            start_s=start_s,
+            valid_until_s=start_s + plan.period,
+            period_s=plan.period,
+            position=plan.position[:, index].tolist(),
+            velocity=plan.velocity[:, index].tolist(),
+            input=plan.input[:, index].tolist(),
+        )

@@ -1,0 +1,242 @@
+"""The network: the only file that imports zenoh.
+
+What bites in Zenoh is guarded here: nothing on the way of a plan may block, callbacks
+only fill bounded queues and count their exceptions, liveliness tokens are kept, multicast, gossip and
+shared memory are off, and an endpoint that is in use or unreachable is one clear error.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from threading import Event
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+
+from mpc_cover.service.protocol.bus import (
+    Inbox,
+    Presence,
+    Quality,
+    Received,
+    Request,
+    RequestError,
+    RequestInbox,
+    TransportError,
+)
+from mpc_cover.service.protocol.network import NetworkOptions, settings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mpc_cover.clock import Clock
+
+ATTEMPT_MS = 500
+"""One attempt to connect; between two of them a signal is seen."""
+JSON = "application/json"
+
+
+def open_transport(options: NetworkOptions, clock: Clock, stop: Event) -> ZenohTransport:
+    """Join the network, waiting for unreachable endpoints up to `options.connect_timeout_s`.
+
+    Raises
+    ------
+    TransportError
+        A port in use, an endpoint that is not one or stays unreachable, a bad configuration file.
+    InterruptedError
+        `stop` was set meanwhile.
+    """
+    config = _configure(options)
+    deadline = time.monotonic() + options.connect_timeout_s
+    while True:
+        try:
+            return ZenohTransport(zenoh.open(config), clock)
+        except zenoh.ZError as error:
+            text = _plain(error)
+            if "Unable to connect" not in text:
+                raise TransportError(_cannot_listen(options, text)) from None
+            if time.monotonic() >= deadline:
+                raise TransportError(_cannot_connect(options)) from None
+        if stop.is_set():
+            raise InterruptedError
+
+
+def _cannot_listen(options: NetworkOptions, text: str) -> str:
+    where = ", ".join(options.listen) or "the configured endpoints"
+    if "already in use" in text:
+        return f"network: cannot listen on {where}: the port is in use: choose another one with -l/--listen"
+    return f"network: cannot listen on {where}: {text}"
+
+
+def _cannot_connect(options: NetworkOptions) -> str:
+    where = ", ".join(options.connect) or "the configured endpoints"
+    waited = f"{options.connect_timeout_s:g} s"
+    return f"network: cannot reach {where} within {waited}: is the other side up, and -e/--connect right?"
+
+
+def _configure(options: NetworkOptions) -> zenoh.Config:
+    try:
+        config = zenoh.Config.from_file(str(options.config)) if options.config else zenoh.Config()
+    except zenoh.ZError as error:
+        raise TransportError(f"network configuration {options.config}: cannot be used: {_plain(error)}") from None
+    for key, value in settings(options, config.get_json, ATTEMPT_MS):
+        try:
+            config.insert_json5(key, value)
+        except zenoh.ZError as error:
+            raise TransportError(f"network: {key} {value} cannot be used: {_plain(error)}") from None
+    return config
+
+
+def _plain(error: zenoh.ZError) -> str:
+    """Return what Zenoh says without its source lines."""
+    text = " ".join(str(error).split())
+    return text.split(" at /", 1)[0].replace("[", "").strip()
+
+
+_ASK_AGAIN_S = 0.05
+"""Pause before a question that nobody heard is asked again."""
+
+
+@dataclass(frozen=True)
+class _ZenohPublisher:
+    publisher: Any  # zenoh.Publisher or zenoh.ext.AdvancedPublisher
+    transport: ZenohTransport
+
+    def publish(self, payload: bytes) -> None:
+        if not self.transport.closed:
+            self.publisher.put(payload)
+
+
+class ZenohTransport:
+    """One Zenoh session; see `bus.Transport`."""
+
+    def __init__(self, session: zenoh.Session, clock: Clock) -> None:
+        self._session = session
+        self._clock = clock
+        self._kept: list[Any] = []  # tokens and subscribers undeclare themselves when collected
+        self.callback_errors = 0
+        self.closed = False
+
+    def publisher(self, key: str, quality: Quality) -> _ZenohPublisher:
+        """Return the publisher of a key; it drops rather than blocks."""
+        priority = getattr(zenoh.Priority, quality.priority)
+        drop = zenoh.CongestionControl.DROP
+        if quality.history:
+            advanced = zenoh.ext.declare_advanced_publisher(
+                self._session,
+                key,
+                encoding=JSON,
+                congestion_control=drop,
+                priority=priority,
+                cache=zenoh.ext.CacheConfig(quality.history),
+                publisher_detection=True,
+            )
+            return _ZenohPublisher(advanced, self)
+        plain = self._session.declare_publisher(key, encoding=JSON, congestion_control=drop, priority=priority)
+        return _ZenohPublisher(plain, self)
+
+    def inbox(self, pattern: str, depth: int, *, history: int = 0) -> Inbox:
+        """Return a bounded queue of what is published on matching keys."""
+        inbox = Inbox(depth)
+
+        def put(sample: zenoh.Sample) -> None:
+            inbox.put(Received(str(sample.key_expr), sample.payload.to_bytes(), self._clock.now()))
+
+        if history:
+            past = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=history)
+            subscriber: Any = zenoh.ext.declare_advanced_subscriber(
+                self._session, pattern, self._counted(put), history=past
+            )
+        else:
+            subscriber = self._session.declare_subscriber(pattern, self._counted(put))
+        self._kept.append(subscriber)
+        return inbox
+
+    def announce(self, key: str) -> None:
+        """Hold a liveliness token."""
+        self._kept.append(self._session.liveliness().declare_token(key))
+
+    def presence(self, pattern: str) -> Presence:
+        """Return the live set of matching tokens."""
+        presence = Presence()
+
+        def note(sample: zenoh.Sample) -> None:
+            presence.set(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT, self._clock.now())
+
+        liveliness = self._session.liveliness()
+        self._kept.append(liveliness.declare_subscriber(pattern, self._counted(note), history=True))
+        return presence
+
+    def requests(self, pattern: str, depth: int) -> RequestInbox:
+        """Return the questions asked on matching keys."""
+        requests = RequestInbox(depth)
+
+        def put(query: zenoh.Query) -> None:
+            payload = query.payload.to_bytes() if query.payload else b""
+            key = str(query.key_expr)
+
+            def reply(data: bytes) -> None:
+                self._answer(lambda: query.reply(key, data, encoding=JSON), query)
+
+            def fail(data: bytes) -> None:
+                self._answer(lambda: query.reply_err(data), query)
+
+            requests.put(Request(key, payload, reply, fail))
+
+        self._kept.append(self._session.declare_queryable(pattern, self._counted(put)))
+        return requests
+
+    def ask(self, key: str, payload: bytes, timeout_s: float) -> bytes:
+        """Ask and wait for the first answer.
+
+        A query ends at once where nobody is known who answers it, and declarations take a while to get around: it is
+        asked again until the time is over.
+
+        Raises
+        ------
+        RequestError
+            No answer in time, or an error instead of an answer.
+        """
+        deadline, pause = time.monotonic() + timeout_s, Event()
+        while (left_s := deadline - time.monotonic()) > 0.0:
+            for reply in self._session.get(key, payload=payload, timeout=left_s):
+                if reply.ok is not None:
+                    return bytes(reply.ok.payload.to_bytes())
+                said = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "error"
+                raise RequestError(f"{key}: {said}")
+            pause.wait(min(_ASK_AGAIN_S, left_s))
+        raise RequestError(f"{key}: no answer within {timeout_s:g} s")
+
+    def close(self) -> None:
+        """Leave the network; may be called twice.
+
+        Must be called: the threads of Zenoh's callbacks would keep the process from ending. A peer that hangs
+        with a full queue delays it by Zenoh's own ten seconds.
+        """
+        if self.closed:
+            return
+        self.closed = True
+        self._kept.clear()
+        try:
+            self._session.close()  # type: ignore[no-untyped-call]
+        except zenoh.ZError:
+            self.callback_errors += 1
+
+    def _counted(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Count exceptions: Zenoh would print and swallow them."""
+
+        def guarded(item: object) -> None:
+            try:
+                callback(item)
+            except Exception:  # noqa: BLE001 - a health failure, told by the counter
+                self.callback_errors += 1
+
+        return guarded
+
+    def _answer(self, send: Callable[[], None], query: zenoh.Query) -> None:
+        try:
+            send()
+        except zenoh.ZError:  # whoever asked has gone
+            self.callback_errors += 1
+        finally:
+            query.drop()  # type: ignore[no-untyped-call]

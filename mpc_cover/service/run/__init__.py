@@ -1,0 +1,1 @@
+"""Ways to run: daemons, demo, simulation, and the records that they leave."""

@@ -1,0 +1,152 @@
+"""From the agents' own records to one trajectory: what was flown, not what was planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpc_cover.errors import UnreadableFileError
+from mpc_cover.information.replay import measured_at
+from mpc_cover.service.agent.recorder import MemoryRecorder
+from mpc_cover.service.agent.schedule import STANDSTILL, Plant, Schedule
+from mpc_cover.trajectory_file import Trajectory
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.agent.recorder import Piece
+
+MERGE_S = 1e-7
+"""Breakpoints of different agents nearer than this become one sample [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One agent's record as arrays: (R,) [s]; (R, d) [m], [m/s], [m/s^2]; and whether a plan was flown (R,).
+
+    Row r holds from `time[r]` to `time[r + 1]`.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    input: FloatArray
+    flown: BoolArray
+
+    def rows(self, time_s: FloatArray) -> Any:
+        """Return for each time the row that holds there."""
+        return np.clip(np.searchsorted(self.time, time_s, side="right") - 1, 0, len(self.time) - 1)
+
+    def state_at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return position and velocity (T, d) at times (T,): exact."""
+        row = self.rows(time_s)
+        dt = (time_s - self.time[row])[:, None]
+        force, velocity = self.input[row], self.velocity[row]
+        return self.position[row] + dt * velocity + 0.5 * dt**2 * force, velocity + dt * force
+
+    def rests_from(self) -> float:
+        """Return when the agent came to rest for good [s]; the end of its record if it never did."""
+        fast = (np.abs(self.velocity) > STANDSTILL).any(axis=1)
+        moving = np.flatnonzero(fast | (np.abs(self.input) > STANDSTILL).any(axis=1))
+        return float(self.time[min(moving[-1] + 1, len(self.time) - 1)] if moving.size else self.time[0])
+
+
+def motion_of(pieces: Sequence[Piece]) -> Motion:
+    """Return a record's arrays; pieces of no duration are left out."""
+    time = np.array([piece.time_s for piece in pieces])
+    keep = np.append(np.diff(time) > 0.0, True)
+    kept = [piece for piece, good in zip(pieces, keep, strict=True) if good]
+    return Motion(
+        time[keep],
+        np.array([piece.position for piece in kept]),
+        np.array([piece.velocity for piece in kept]),
+        np.array([piece.input for piece in kept]),
+        np.array([piece.plan is not None for piece in kept]),
+    )
+
+
+def outlived(pieces: Sequence[Piece], input_max: float, until_s: float) -> list[Piece]:
+    """Return the record of an agent that died, up to `until_s` [s].
+
+    Nobody recorded what became of it: its own deadman brakes it, with all its input [m/s^2], from the last state
+    known, and it stays where it comes to rest.
+    """
+    last, rest = pieces[-1], MemoryRecorder()
+    plant = Plant(last.time_s, np.array(last.position), np.array(last.velocity), rest.piece)
+    plant.advance(until_s, Schedule(input_max))
+    rest.mark(plant.time_s, plant.position, plant.velocity)
+    return [*pieces, *rest.pieces]
+
+
+def merge(
+    mission: Mission, records: Sequence[Sequence[Piece]], meta: dict[str, Any], died: Collection[str] = ()
+) -> Trajectory:
+    """Return the fleet's trajectory from the agents' records, in the order of the mission's agents.
+
+    All records are of one clock. Time 0 is the start of the first plan that was flown; the record ends when
+    everyone is at rest for good, or, where those who rest look again, with the record that ends first. Those of agents
+    that `died` go on, see `outlived`; since when they are lost is in the trajectory's meta as "lost" [s], by id.
+
+    Raises
+    ------
+    UnreadableFileError
+        An agent has no record, or the records have no time in common.
+    """
+    lacking = [name for name, pieces in zip(mission.fleet.ids, records, strict=True) if len(pieces) < 2]  # noqa: PLR2004
+    if lacking:
+        raise UnreadableFileError(f"no motion was recorded of {', '.join(lacking)}")
+    whole, ends = _without_death(mission, records, died)
+    motions = [motion_of(pieces) for pieces in whole]
+    first, last = _span(motions, to_the_end=mission.spec.looks_again)
+    if last - first <= MERGE_S:
+        raise UnreadableFileError("the agents' records have no time in common")
+    time = _instants(motions, first, last)
+    states = [motion.state_at(time) for motion in motions]
+    middle = 0.5 * (time[:-1] + time[1:])
+    position = np.stack([q for q, _ in states], axis=1)
+    return Trajectory(
+        time=time - first,
+        position=position,
+        velocity=np.stack([v for _, v in states], axis=1),
+        input=np.stack([motion.input[motion.rows(middle)] for motion in motions], axis=1),
+        cell=mission.field.cell,
+        covered_at=measured_at(mission, time - first, position),
+        agent_id=mission.fleet.ids,
+        mission=mission,
+        meta={**meta, "lost": {name: end_s - first for name, end_s in ends.items()}} if ends else meta,
+    )
+
+
+def _without_death(
+    mission: Mission, records: Sequence[Sequence[Piece]], died: Collection[str]
+) -> tuple[list[Sequence[Piece]], dict[str, float]]:
+    """Return records that all last as long as those of the living, and when the others ended [s], by id."""
+    ends = {name: pieces[-1].time_s for name, pieces in zip(mission.fleet.ids, records, strict=True)}
+    until_s = min((end_s for name, end_s in ends.items() if name not in died), default=max(ends.values()))
+    whole = [
+        outlived(pieces, float(limit), until_s) if name in died else pieces
+        for name, limit, pieces in zip(mission.fleet.ids, mission.fleet.input_max, records, strict=True)
+    ]
+    return whole, {name: end_s for name, end_s in ends.items() if name in died}
+
+
+def _span(motions: Sequence[Motion], *, to_the_end: bool) -> tuple[float, float]:
+    """Return when the first plan started, and when everyone had come to rest for good, or the records end [s]."""
+    common = max(float(motion.time[0]) for motion in motions), min(float(motion.time[-1]) for motion in motions)
+    starts = [float(motion.time[np.argmax(motion.flown)]) for motion in motions if motion.flown.any()]
+    first = max(common[0], min(starts, default=common[0]))
+    rest = max(motion.rests_from() for motion in motions)
+    return first, common[1] if to_the_end or rest <= first else min(common[1], rest)
+
+
+def _instants(motions: Sequence[Motion], first: float, last: float) -> FloatArray:
+    """Return every agent's breakpoints between first and last (T,) [s], both included."""
+    inner = np.unique(np.concatenate([motion.time for motion in motions]))
+    inner = inner[(inner > first + MERGE_S) & (inner < last - MERGE_S)]
+    if inner.size:
+        inner = inner[np.append(True, np.diff(inner) > MERGE_S)]
+    return np.concatenate([[first], inner, [last]])

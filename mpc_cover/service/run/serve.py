@@ -1,0 +1,221 @@
+"""The two daemons as processes: `mpc-cover serve` and `mpc-cover agent`."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Event, Thread
+from typing import TYPE_CHECKING, TypeVar
+
+from mpc_cover.clock import MonotonicClock
+from mpc_cover.errors import UserError
+from mpc_cover.service.protocol.transport import open_transport
+from mpc_cover.service.run.daemon import Signals, run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mpc_cover.clock import Clock
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.controller.state_directory import StateDirectory
+    from mpc_cover.service.controller.tick import Controller
+    from mpc_cover.service.protocol.bus import Transport
+    from mpc_cover.service.protocol.network import NetworkOptions
+    from mpc_cover.service.run.daemon import Participant
+
+A = TypeVar("A", bound="Participant")
+
+SHOWN_EVERY_S = 2.0
+"""How often `serve` writes a line about itself [s of the machine's clock]."""
+
+
+@dataclass(frozen=True)
+class ServeOptions:
+    """How to control: see `mpc-cover serve --help`."""
+
+    backend: str = "piqp"
+    seed: int = 0
+    speed: float = 1.0
+    state_dir: Path | None = None
+    fresh: bool = False
+    stay: bool = False
+    step_log: Path | None = None
+    with_parent: bool = False
+
+
+@dataclass(frozen=True)
+class AgentOptions:
+    """How to be an agent: see `mpc-cover agent --help`."""
+
+    speed: float = 1.0
+    record: Path | None = None
+    with_parent: bool = False
+    seed: int = 0
+
+
+def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> int:
+    """Control a mission until it is over or a signal comes; return the exit status.
+
+    Raises
+    ------
+    UserError
+        The network or the state directory cannot be used as asked.
+    """
+    from mpc_cover.service.controller.state_directory import StateDirectory  # noqa: PLC0415 - only here
+
+    path = options.state_dir or Path(".mpc-cover") / mission.spec.name
+    with Signals() as signals, StateDirectory(path) as folder:
+        follow_parent(options.with_parent, signals.stop)
+        clock = MonotonicClock(options.speed)
+        try:
+            transport = open_transport(network, clock, signals.stop)
+        except InterruptedError:
+            return signals.exit_status
+        try:
+            say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
+            controller = _controller(mission, options, folder, transport, clock)
+            run(controller, clock, signals.stop, _Narrator(controller).after_tick)
+        finally:
+            transport.close()
+        unfinished = not controller.done and not (options.stay and controller.exit_status == 0)
+        return signals.exit_status if unfinished else controller.exit_status
+
+
+def fly(mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions) -> int:
+    """Be an agent until a signal comes; return the exit status.
+
+    Raises
+    ------
+    UserError
+        The mission has no such agent, or the network cannot be used as asked.
+    """
+    from mpc_cover.service.agent.agent import Agent  # noqa: PLC0415 - the controller needs none
+
+    check_member(mission, agent_id)
+    words = f"{agent_id}: agent of {mission.spec.name}, reaches {', '.join(network.connect + network.listen)}"
+    be_agent(Agent, mission, agent_id, options, network, words)
+    return 0
+
+
+def check_member(mission: Mission, agent_id: str) -> None:
+    """Raise UserError if a mission has no such agent."""
+    if agent_id not in mission.fleet.ids:
+        known = ", ".join(mission.fleet.ids)
+        raise UserError(f"agent {agent_id!r}: is not in mission {mission.spec.name}: its agents are {known}")
+
+
+def be_agent(
+    make: Callable[..., A], mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions, words: str
+) -> tuple[A | None, int]:
+    """Run an agent of a kind until it is done or a signal comes; `words` are said once the network is there.
+
+    Returns
+    -------
+    The agent, None if a signal came before there was one; and the exit status that signals ask for.
+
+    Raises
+    ------
+    UserError
+        The network cannot be used as asked.
+    """
+    from mpc_cover.service.agent.recorder import FileRecorder, Header  # noqa: PLC0415 - the controller needs none
+
+    instance = uuid.uuid4().hex
+    with Signals() as signals:
+        follow_parent(options.with_parent, signals.stop)
+        clock = MonotonicClock(options.speed)
+        header = Header(agent_id, instance, mission.spec.name, options.speed)
+        recorder = FileRecorder(options.record, header, say) if options.record else None
+        try:
+            transport = open_transport(network, clock, signals.stop)
+        except InterruptedError:
+            return None, signals.exit_status
+        try:
+            say(words)
+            agent = make(
+                mission,
+                agent_id,
+                transport,
+                clock,
+                instance=instance,
+                speed=options.speed,
+                seed=options.seed,
+                recorder=recorder,
+                say=say,
+            )
+            run(agent, clock, signals.stop)
+        finally:
+            transport.close()
+    return agent, signals.exit_status
+
+
+def say(text: str) -> None:
+    """Write a line to stderr at once."""
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
+
+
+def _controller(
+    mission: Mission, options: ServeOptions, folder: StateDirectory, transport: Transport, clock: Clock
+) -> Controller:
+    from mpc_cover.control.control_law import make_control_law  # noqa: PLC0415 - heavy
+    from mpc_cover.service.controller.checkpoint import FileCheckpoints  # noqa: PLC0415 - only here
+    from mpc_cover.service.controller.step_log import StepLog  # noqa: PLC0415 - likewise
+    from mpc_cover.service.controller.tick import Controller  # noqa: PLC0415 - agents need none
+
+    checkpoints = FileCheckpoints(folder, mission)
+    resume, text = checkpoints.load()
+    if options.fresh and resume:
+        resume, text = None, "starts afresh, as asked; the checkpoint is not used"
+    if text:
+        say(text)
+    return Controller(
+        mission,
+        make_control_law(mission, options.backend, options.seed),
+        transport,
+        clock,
+        epoch=folder.next_epoch(),
+        identity=uuid.uuid4().hex,
+        speed=options.speed,
+        stay=options.stay,
+        checkpoints=checkpoints,
+        resume=resume,
+        steps=StepLog(options.step_log),
+        say=say,
+    )
+
+
+class _Narrator:
+    """Writes a line now and then."""
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self._due_s = 0.0
+
+    def after_tick(self) -> None:
+        status = self._controller.heartbeat.status
+        if status is None or time.monotonic() < self._due_s:
+            return
+        self._due_s = time.monotonic() + SHOWN_EVERY_S
+        covered = 100 * status.covered_count // status.cell_count
+        say(
+            f"{status.phase}: {status.mission_time_s:.1f} s, {covered} % covered, "
+            f"step {status.step_ms:.0f} ms, {status.deadline_misses} deadlines missed"
+            + (f"; {status.text}" if status.text != status.phase else "")
+        )
+
+
+def follow_parent(wanted: bool, stop: Event) -> None:
+    """Stop when standard input ends: whoever holds its other end has died, even by SIGKILL."""
+
+    def watch() -> None:
+        while os.read(0, 1024):
+            pass
+        stop.set()
+
+    if wanted:
+        Thread(target=watch, daemon=True).start()

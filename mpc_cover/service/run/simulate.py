@@ -1,0 +1,119 @@
+"""The same controller and agents in one process, on a virtual clock and a bus in memory: deterministic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from threading import Event
+from typing import TYPE_CHECKING
+
+from mpc_cover import __version__
+from mpc_cover.clock import VirtualClock
+from mpc_cover.control.control_law import make_control_law
+from mpc_cover.service.agent.agent import Agent
+from mpc_cover.service.controller.tick import Controller
+from mpc_cover.service.protocol.local import LocalBus
+from mpc_cover.service.protocol.messages import Phase
+from mpc_cover.service.run.fault_injection import check_deaths
+from mpc_cover.service.run.recording import merge
+from mpc_cover.service.run.simulated_agent import SimulatedAgent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from mpc_cover.control.control_law import ControlLaw
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.controller.step_log import Step
+    from mpc_cover.service.protocol.messages import Status
+    from mpc_cover.service.run.daemon import Participant
+    from mpc_cover.trajectory_file import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """What was flown, how long each step took, what was said, whether everything was covered, and who was lost.
+
+    `outcome` says in words how it ended.
+    """
+
+    trajectory: Trajectory
+    steps: list[Step]
+    events: list[str]
+    complete: bool
+    lost: tuple[str, ...] = ()
+    outcome: str = ""
+
+
+def simulate(
+    mission: Mission,
+    *,
+    backend: str = "piqp",
+    seed: int = 0,
+    law: ControlLaw | None = None,
+    channel: Callable[[str, bytes], list[bytes]] | None = None,
+    deaths: Mapping[str, float] | None = None,
+    on_tick: Callable[[Status], None] | None = None,
+) -> Simulation:
+    """Fly a mission; the same mission, back-end and seed give the same trajectory to the last bit.
+
+    Parameters
+    ----------
+    seed : of the brain, and of what disturbs the agents.
+    brain : another controller than the receding horizon.
+    channel : see `LocalBus`.
+    deaths : at which mission time [s] agents die, as if their processes were killed, by id; somebody must be left.
+    on_tick : told the controller's status after each of its ticks.
+    """
+    check_deaths(deaths or {}, mission)
+    clock, events = VirtualClock(), list[str]()
+    bus = LocalBus(clock, channel)
+    simulated_agents = [
+        SimulatedAgent(Agent, mission, name, bus, clock, seed=seed, say=events.append) for name in mission.fleet.ids
+    ]
+    law = law or make_control_law(mission, backend, seed)
+    controller = Controller(mission, law, bus.join(), clock, deadlines=False, say=events.append)
+    _run(clock, simulated_agents, controller, deaths or {}, on_tick)
+    meta = {"kind": "simulate", "version": __version__, "seed": seed, "backend": backend}
+    died = [simulated.agent.id for simulated in simulated_agents if simulated.dead]
+    trajectory = merge(mission, [simulated.recorder.pieces for simulated in simulated_agents], meta, died)
+    complete = controller.exit_status == 0
+    lost, outcome = tuple(controller.supervisor.lost), controller.heartbeat.text
+    return Simulation(trajectory, list(controller.steps.steps), events, complete, lost, outcome)
+
+
+def _run(
+    clock: VirtualClock,
+    simulated_agents: list[SimulatedAgent[Agent]],
+    controller: Controller,
+    deaths: Mapping[str, float],
+    on_tick: Callable[[Status], None] | None,
+) -> None:
+    """Tick whoever is due next, agents before the controller at the same instant."""
+
+    def living() -> list[Participant]:
+        return [*(simulated.agent for simulated in simulated_agents if not simulated.dead), controller]
+
+    for participant in living():
+        participant.startup()
+    never = Event()
+    while not controller.done:
+        due = min(living(), key=lambda participant: participant.next_time)
+        if (victim := _next_victim(simulated_agents, deaths)) and controller.phase is Phase.FLYING:
+            left_s = deaths[victim.agent.id] - controller.mission_time_s
+            if left_s <= due.next_time - clock.now():  # before whoever ticks at that instant
+                clock.wait_until(clock.now() + max(left_s, 0.0), never)
+                victim.end()
+                continue
+        clock.wait_until(due.next_time, never)
+        due.tick()
+        if due is controller and on_tick and controller.heartbeat.status:
+            on_tick(controller.heartbeat.status)
+    for participant in living():
+        participant.shutdown()
+
+
+def _next_victim(
+    simulated_agents: list[SimulatedAgent[Agent]], deaths: Mapping[str, float]
+) -> SimulatedAgent[Agent] | None:
+    """Return who of the living dies next."""
+    doomed = [simulated for simulated in simulated_agents if not simulated.dead and simulated.agent.id in deaths]
+    return min(doomed, key=lambda simulated: deaths[simulated.agent.id], default=None)

@@ -1,0 +1,50 @@
+"""An agent without a controller as a process: `mpc-cover agent --controller potential`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from mpc_cover.distributed.setup import check_flyable
+from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT, NetworkOptions
+from mpc_cover.service.run.serve import be_agent, check_member
+from mpc_cover.service.swarm.agent import SwarmAgent
+
+if TYPE_CHECKING:
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.run.serve import AgentOptions
+
+
+def fly_alone(mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions) -> int:
+    """Be an agent that flies by the potential law until everyone knows that everything is covered.
+
+    Returns
+    -------
+    0 when everything is covered, 1 when time is up or it came too late, 128 and its number after a signal.
+
+    Raises
+    ------
+    UserError
+        The mission has no such agent, the law cannot fly it, or the network cannot be used as asked.
+    """
+    check_member(mission, agent_id)
+    check_flyable(mission)
+    network = _among_themselves(mission, agent_id, network)
+    where = ", ".join(network.listen + network.connect) or network.config
+    words = f"{agent_id}: agent of {mission.spec.name} without a controller, at {where}"
+    agent, status = be_agent(SwarmAgent, mission, agent_id, options, network, words)
+    return status if agent is None or agent.exit_status is None else agent.exit_status
+
+
+def _among_themselves(mission: Mission, agent_id: str, network: NetworkOptions) -> NetworkOptions:
+    """Return endpoints on loopback where none are given: agent number i listens on its port and connects to all before.
+
+    Peers do not hand on what others say, so everyone needs a line to everyone, as a radio channel gives it; who is in
+    range is decided by positions.
+    """
+    if network.listen or network.connect or network.config:
+        return network
+    address, _, port = DEFAULT_ENDPOINT.rpartition(":")
+    number = mission.fleet.ids.index(agent_id)
+    every = [f"{address}:{int(port) + 1 + index}" for index in range(number + 1)]
+    return replace(network, listen=(every[number],), connect=tuple(every[:number]))

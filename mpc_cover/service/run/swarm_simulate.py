@@ -1,0 +1,141 @@
+"""The agents of the distributed law in one process, on a virtual clock and a bus in memory: deterministic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from threading import Event
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover import __version__
+from mpc_cover.clock import VirtualClock
+from mpc_cover.service.protocol.local import LocalBus
+from mpc_cover.service.run.recording import merge
+from mpc_cover.service.run.simulated_agent import SimulatedAgent
+from mpc_cover.service.run.swarm_observer import SwarmObserver
+from mpc_cover.service.swarm.agent import SwarmAgent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.protocol.messages import Status
+    from mpc_cover.trajectory_file import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class SwarmFlight:
+    """What was flown, what was said, who died, and what it took.
+
+    Attributes
+    ----------
+    complete : whether everyone left knows that everything is covered.
+    decide_s : what each decision of each agent took [s], by id.
+    messages, bytes : sent by all together in flight; each word counts once, however many hear it.
+    estimate_errors : root mean square by which each agent's own estimate of the field is off, by id; of Kalman maps.
+    """
+
+    trajectory: Trajectory
+    events: list[str]
+    complete: bool
+    lost: tuple[str, ...]
+    decide_s: dict[str, list[float]]
+    messages: int
+    bytes: int
+    estimate_errors: dict[str, float]
+
+    @property
+    def outcome(self) -> str:
+        """How it ended, in words."""
+        if not self.complete:
+            return "not everyone knows that everything is covered"
+        return f"everything is covered without {', '.join(self.lost)}" if self.lost else "everything is covered"
+
+
+def fly_swarm(
+    mission: Mission,
+    *,
+    seed: int = 0,
+    channel: Callable[[str, bytes], list[bytes]] | None = None,
+    deaths: Mapping[str, float] | None = None,
+    on_tick: Callable[[Status], None] | None = None,
+) -> SwarmFlight:
+    """Fly a mission by the potential law; the same mission and seed give the same trajectory to the last bit.
+
+    Parameters
+    ----------
+    seed : of the random signals, the order of escapes, and what disturbs the agents.
+    channel : see `LocalBus`.
+    deaths : at which mission time [s] agents die, as if their processes were killed, by id.
+    on_tick : told how things stand after each sample.
+
+    Raises
+    ------
+    UserError
+        The law cannot fly this mission.
+    """
+    clock, events = VirtualClock(), list[str]()
+    line = LocalBus(clock, channel)
+    simulated_agents = [
+        SimulatedAgent(SwarmAgent, mission, name, line, clock, seed=seed, say=events.append)
+        for name in mission.fleet.ids
+    ]
+    observer = SwarmObserver(mission, line.join(), clock)
+    _run(clock, simulated_agents, deaths or {}, (observer, on_tick) if on_tick else None)
+    died = [simulated.agent.id for simulated in simulated_agents if simulated.dead]
+    meta = {"kind": "simulate", "version": __version__, "seed": seed, "controller": "potential"}
+    return SwarmFlight(
+        trajectory=merge(mission, [simulated.recorder.pieces for simulated in simulated_agents], meta, died),
+        events=events,
+        complete=len(died) < len(simulated_agents)
+        and all(simulated.dead or simulated.agent.exit_status == 0 for simulated in simulated_agents),
+        lost=tuple(died),
+        decide_s={simulated.agent.id: simulated.agent.decide_s for simulated in simulated_agents},
+        messages=sum(simulated.agent.sent["messages"] for simulated in simulated_agents),
+        bytes=sum(simulated.agent.sent["bytes"] for simulated in simulated_agents),
+        estimate_errors={
+            simulated.agent.id: error
+            for simulated in simulated_agents
+            if not simulated.dead and (error := simulated.agent.estimate_error) is not None
+        },
+    )
+
+
+def _run(
+    clock: VirtualClock,
+    simulated_agents: list[SimulatedAgent[SwarmAgent]],
+    deaths: Mapping[str, float],
+    watch: tuple[SwarmObserver, Callable[[Status], None]] | None,
+) -> None:
+    """Tick whoever is due next, in the order of the mission's agents at the same instant."""
+    never, shown = Event(), -np.inf
+    for simulated in simulated_agents:
+        simulated.agent.startup()
+    while flying := [simulated for simulated in simulated_agents if _flies(simulated)]:
+        due = min(flying, key=lambda simulated: simulated.agent.next_time)
+        time_s = due.agent.next_time
+        for simulated in simulated_agents:
+            if time_s - simulated.agent.start_s >= deaths.get(simulated.agent.id, np.inf):
+                simulated.end()
+        if not _flies(due):
+            continue
+        clock.wait_until(time_s, never)
+        due.agent.tick()
+        if watch and time_s > shown:
+            shown = time_s
+            _show(*watch)
+    for simulated in simulated_agents:
+        if not simulated.dead:
+            simulated.agent.shutdown()
+
+
+def _flies(simulated: SimulatedAgent[SwarmAgent]) -> bool:
+    """Return whether an agent is neither dead nor done."""
+    return not simulated.dead and not simulated.agent.done
+
+
+def _show(observer: SwarmObserver, on_tick: Callable[[Status], None]) -> None:
+    observer.look()
+    if observer.status is not None:
+        on_tick(observer.status)
