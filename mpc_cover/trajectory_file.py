@@ -1,4 +1,4 @@
-"""The record of a motion, and its file: one contract for plan, simulate, demo, check and plot."""
+"""The recording of a motion, and its file (.npz): one contract for plan, simulate, demo, check and plot."""
 
 from __future__ import annotations
 
@@ -13,20 +13,18 @@ import numpy as np
 
 from mpc_cover.errors import InvalidInputError, Problem, UnreadableFileError, UserError
 from mpc_cover.mission.load import Mission, mission_from_json
+from mpc_cover.model.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """A motion of the fleet, and what it measured.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Recording(Trajectory):
+    """A fleet's motion from the start of the mission on, and what it measured.
 
     Attributes
     ----------
-    time : (T,) [s], strictly increasing from the start of the mission.
-    position, velocity : (T, m, d) [m], [m/s].
-    input : (T-1, m, d) [m/s^2], held constant over each interval.
     cell : (K, d) centroids [m].
     covered_at : (K,) [s], the first sample by which every magnitude was measured; inf where never.
     agent_id : (m,) names.
@@ -34,10 +32,6 @@ class Trajectory:
     meta : version, seed, back-end, kind ("plan", "simulate", "demo") and whatever else is worth keeping.
     """
 
-    time: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    input: FloatArray
     cell: FloatArray
     covered_at: FloatArray
     agent_id: tuple[str, ...]
@@ -45,7 +39,7 @@ class Trajectory:
     meta: dict[str, Any] = field(default_factory=dict)
 
 
-def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
+def save_trajectory(trajectory: Recording, path: str | Path) -> None:
     """Write the `.npz`; `meta` is a JSON string that holds the whole mission under "mission".
 
     The same trajectory gives the same bytes: nothing of the wall clock goes in. The file appears whole or
@@ -85,7 +79,7 @@ _ZIP = b"PK"
 _FLOATS = ("time", "position", "velocity", "input", "cell", "covered_at")
 
 
-def load_trajectory(path: str | Path) -> Trajectory:
+def load_trajectory(path: str | Path) -> Recording:
     """Read a trajectory file.
 
     Raises
@@ -114,7 +108,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
     return _from_arrays(data, what)
 
 
-def _from_arrays(data: dict[str, Any], what: str) -> Trajectory:
+def _from_arrays(data: dict[str, Any], what: str) -> Recording:
     problems = [
         Problem(name, str(data[name].dtype), "must hold numbers")
         for name in _FLOATS
@@ -132,7 +126,17 @@ def _from_arrays(data: dict[str, Any], what: str) -> Trajectory:
     problems = [*_shape_problems(arrays, data, mission), *_value_problems(arrays)]
     if problems:
         raise InvalidInputError(what, problems)
-    return Trajectory(**arrays, agent_id=mission.fleet.ids, mission=mission, meta=meta)
+    return Recording(
+        arrays["time"],
+        arrays["position"],
+        arrays["velocity"],
+        arrays["input"],
+        cell=arrays["cell"],
+        covered_at=arrays["covered_at"],
+        agent_id=mission.fleet.ids,
+        mission=mission,
+        meta=meta,
+    )
 
 
 def _shape_problems(arrays: dict[str, FloatArray], data: dict[str, Any], mission: Mission) -> list[Problem]:

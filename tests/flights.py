@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.mission.load import Mission, build_mission, load_mission
-from mpc_cover.trajectory_file import Trajectory
+from mpc_cover.trajectory_file import Recording
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -60,11 +60,11 @@ def covered_at(time: FloatArray, position: FloatArray, mission: Mission) -> Floa
     return first.max(axis=1)
 
 
-def trajectory_of(mission: Mission, force: FloatArray, kind: str = "simulate") -> Trajectory:
+def trajectory_of(mission: Mission, force: FloatArray, kind: str = "simulate") -> Recording:
     """Return the record of a flight from the mission's start under inputs (N, m, d), one a period."""
     time = mission.spec.control.period_s * np.arange(len(force) + 1)
     position, velocity = propagate(mission.fleet.start, force, time)
-    return Trajectory(
+    return Recording(
         time=time,
         position=position,
         velocity=velocity,
@@ -77,7 +77,7 @@ def trajectory_of(mission: Mission, force: FloatArray, kind: str = "simulate") -
     )
 
 
-def box3_flight(kind: str = "simulate") -> Trajectory:
+def box3_flight(kind: str = "simulate") -> Recording:
     """Return a boustrophedon of three abreast over box-3: within every limit, connected, 98 % covered."""
     mission = load_mission("box-3")
     period = mission.spec.control.period_s
@@ -97,7 +97,7 @@ def mission_of(raw: dict[str, Any], **area: Any) -> Mission:
     return build_mission({**raw, "area": {**raw["area"], **area}}, "test")
 
 
-def random_walk(mission: Mission, steps: int, seed: int = 0, gain: float = 0.6) -> Trajectory:
+def random_walk(mission: Mission, steps: int, seed: int = 0, gain: float = 0.6) -> Recording:
     """Return a flight that wanders about its start: for pictures, with no care for limits."""
     rng = np.random.default_rng(seed)
     force = np.zeros((steps, mission.fleet.size, mission.fleet.dimension))

@@ -57,7 +57,8 @@ def random_window(seed: int, steps: int = 6, agents: int = 3, dimension: int = 2
     still = np.zeros_like(start)
     flight = track_waypoints(goals, start, still, fleet, PERIOD, steps=steps)
     ends = Ends(start_position=start, start_velocity=still, end_velocity=still)
-    return OCP(fleet, cell, weight, steps, PERIOD, ends), flight.decision
+    ocp = OCP(fleet, cell, weight, steps, PERIOD, ends)
+    return ocp, ocp.decision(flight.position[0], flight.velocity)
 
 
 def settings(beta: float = 4.0, margin: float = 0.1) -> Settings:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mpc_cover.control.planning_constraints import PlanningConstraints
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
-    from mpc_cover.model.trajectory import Plan
+    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.planner import Planner
     from mpc_cover.planning.task import Candidate
 
@@ -34,7 +34,7 @@ class CandidateGenerator:
     def __init__(self, mission: Mission, constraints: PlanningConstraints, orders: DemandAllocation) -> None:
         self._cell, self._control = mission.field.cell, mission.spec.control
         self._constraints, self._allocation = constraints, orders
-        self.former: Plan | None = None
+        self.former: Trajectory | None = None
 
     def best(
         self,

@@ -11,17 +11,16 @@ if TYPE_CHECKING:
     from enum import Enum
 
     from mpc_cover.arrays import BoolArray, FloatArray
-    from mpc_cover.control.obstacle_trajectories import ObstacleTrajectory
     from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.load import Mission
-    from mpc_cover.model.trajectory import Plan
+    from mpc_cover.model.trajectory import Trajectory
 
 
 class StepOutcome(Protocol):
     """What a step gives: a plan that is safe to fly, and which rung of the ladder it stands on."""
 
     @property
-    def plan(self) -> Plan:
+    def plan(self) -> Trajectory:
         """The whole fleet's plan, at rest at its end."""
         ...
 
@@ -77,7 +76,7 @@ class ToleratesLosses(Protocol):
 class AvoidsObstacles(Protocol):
     """A brain that keeps clear of the lost while they still move."""
 
-    def set_obstacles(self, obstacles: Mapping[int, ObstacleTrajectory]) -> None:
+    def set_obstacles(self, obstacles: Mapping[int, Trajectory]) -> None:
         """Take note of how those who are lost come to rest, by number; whoever is not in it rests already."""
         ...
 

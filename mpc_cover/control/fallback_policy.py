@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import TYPE_CHECKING
 
 from mpc_cover.control.horizon import ended_at_rest
-from mpc_cover.model.fallback_motion import PlanSource, shifted_plan
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.control.planning_constraints import PlanningConstraints
     from mpc_cover.model.fleet_state import FleetState
-    from mpc_cover.model.trajectory import Plan
+    from mpc_cover.model.trajectory import Trajectory
+
+
+class PlanSource(Enum):
+    """Where the plan of a step comes from, best first."""
+
+    NEW = "a verified new plan"
+    SHIFTED = "the previous plan, shifted"
+    BRAKE = "braking to rest"
+    REST = "at rest, nothing to do"
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +37,7 @@ class StepResult:
     deadline_missed : whether it took longer than it was given.
     """
 
-    plan: Plan
+    plan: Trajectory
     plan_source: PlanSource
     reason: str
     computing_time_s: float
@@ -45,9 +54,9 @@ class FallbackPolicy:
 
     def __init__(self, constraints: PlanningConstraints) -> None:
         self._constraints = constraints
-        self.published: Plan | None = None
+        self.published: Trajectory | None = None
 
-    def best(self, start: FleetState, whole: Plan | None, reason: str) -> tuple[Plan, PlanSource, str]:
+    def best(self, start: FleetState, whole: Trajectory | None, reason: str) -> tuple[Trajectory, PlanSource, str]:
         """Cut the horizon out of the mission plan, end it at rest, verify it; else go down the ladder."""
         if whole is not None:
             for plan in ended_at_rest(whole, self._constraints.mission):
@@ -61,7 +70,7 @@ class FallbackPolicy:
             else (self._constraints.brake(start), PlanSource.BRAKE, reason)
         )
 
-    def stop(self, start: FleetState, reason: str) -> tuple[Plan, PlanSource, str]:
+    def stop(self, start: FleetState, reason: str) -> tuple[Trajectory, PlanSource, str]:
         """Come to rest: at once if that is safe, else along the plan that was verified."""
         stop = self._constraints.brake(start)
         if self._constraints.keeps(stop, start) or self.published is None:
@@ -75,9 +84,9 @@ class FallbackPolicy:
         sample = -1 if plan is None else round((time - plan.start_time) / plan.period)
         return None if plan is None or not 0 <= sample <= plan.steps else (plan.position[sample], plan.velocity[sample])
 
-    def _shifted(self, start: FleetState) -> Plan | None:
+    def _shifted(self, start: FleetState) -> Trajectory | None:
         """Return what is left of the published plan, if that is still well."""
         if self.published is None:
             return None
-        shifted = shifted_plan(self.published, start.position, start.velocity, start.time)
+        shifted = self.published.remainder(start.time, start.position, start.velocity)
         return shifted if self._constraints.keeps(shifted, start) else None

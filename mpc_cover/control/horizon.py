@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.constraints.boundary import Ends
-from mpc_cover.model.fallback_motion import brake, plan_from_velocities
+from mpc_cover.model.braking import braking_velocities
 from mpc_cover.model.fleet_state import FleetState
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.ocp import OCP
 
 if TYPE_CHECKING:
@@ -16,10 +17,9 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.model.trajectory import Plan
 
 
-def resolved_steps(whole: Plan, mission: Mission) -> int:
+def resolved_steps(whole: Trajectory, mission: Mission) -> int:
     """Return how many samples of the mission plan the horizon re-solves; what is left of it is for braking."""
     horizon, fleet = mission.spec.control.horizon_steps, mission.fleet
     if whole.steps <= horizon:
@@ -28,7 +28,7 @@ def resolved_steps(whole: Plan, mission: Mission) -> int:
     return max(1, horizon - int(np.ceil(slowest / whole.period - 1e-9)))
 
 
-def horizon_ocp(whole: Plan, mission: Mission, weight: FloatArray, stretch: int, steps: int) -> OCP:
+def horizon_ocp(whole: Trajectory, mission: Mission, weight: FloatArray, stretch: int, steps: int) -> OCP:
     """Return the window that replaces the first `stretch` samples of the mission plan by `steps` ones.
 
     It must end where the rest of the mission plan goes on, unless there is no rest. `weight` (J, K) is what
@@ -44,23 +44,23 @@ def horizon_ocp(whole: Plan, mission: Mission, weight: FloatArray, stretch: int,
     return OCP(mission.fleet, mission.field.cell, weight, steps, whole.period, ends)
 
 
-def spliced(whole: Plan, velocity: FloatArray, stretch: int) -> Plan:
+def spliced(whole: Trajectory, velocity: FloatArray, stretch: int) -> Trajectory:
     """Return the mission plan with its samples up to `stretch` replaced by `velocity` (n+1, m, d) [m/s]."""
     later = np.concatenate([velocity[1:], whole.velocity[stretch + 1 :]])
-    return plan_from_velocities(whole.position[0], whole.velocity[0], later, whole.start_time, whole.period)
+    return Trajectory.from_velocities(whole.position[0], whole.velocity[0], later, whole.start_time, whole.period)
 
 
-def ended_at_rest(whole: Plan, mission: Mission) -> Iterator[Plan]:
+def ended_at_rest(whole: Trajectory, mission: Mission) -> Iterator[Trajectory]:
     """Yield beginnings of the mission plan that end at rest within the horizon, the longest first."""
     horizon = mission.spec.control.horizon_steps
     start, later = FleetState(whole.position[0], whole.velocity[0], whole.start_time), whole.velocity[1:]
     if whole.steps <= horizon:
         rest = np.zeros((horizon - whole.steps, *later.shape[1:]))
-        yield start.plan(np.concatenate([later, rest]), whole.period)
+        yield start.trajectory(np.concatenate([later, rest]), whole.period)
         return
     for kept in range(resolved_steps(whole, mission), 0, -1):
-        braking = brake(later[kept - 1], mission.fleet, whole.period)
+        braking = braking_velocities(later[kept - 1], mission.fleet, whole.period)
         room = horizon - kept - braking.shape[0]
         if room >= 0:
             rest = np.zeros((room, *later.shape[1:]))
-            yield start.plan(np.concatenate([later[:kept], braking, rest]), whole.period)
+            yield start.trajectory(np.concatenate([later[:kept], braking, rest]), whole.period)

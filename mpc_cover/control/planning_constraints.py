@@ -11,8 +11,8 @@ from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.control.constraint_relaxation import attainable_bounds, strict_bounds
 from mpc_cover.control.obstacle_trajectories import path_among
 from mpc_cover.control.reachability import reachable
+from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.constraint_tightening import slowed, tightened, without_lost
-from mpc_cover.model.fallback_motion import brake_plan, shifted_plan
 from mpc_cover.planning.initial_guess.rendezvous import out_of_range
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.verification.path import Path
@@ -21,11 +21,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mpc_cover.arrays import BoolArray, FloatArray
-    from mpc_cover.control.obstacle_trajectories import ObstacleTrajectory
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
-    from mpc_cover.model.trajectory import Plan
+    from mpc_cover.model.trajectory import Trajectory
 
 _NOTICED = 2
 """Periods for which someone may fly on along the last plan when a message is lost: its reports tell within one."""
@@ -51,7 +50,7 @@ class PlanningConstraints:
         self._changed = False
         self.fleet = self._wary(self._tight)
         self.bounds = strict_bounds(self.fleet)
-        self.obstacles: Mapping[int, ObstacleTrajectory] = {}
+        self.obstacles: Mapping[int, Trajectory] = {}
         self.measurable: BoolArray = np.ones((mission.fleet.radius.shape[1], mission.field.size), dtype=bool)
 
     @property
@@ -85,9 +84,9 @@ class PlanningConstraints:
         self._share[index] = share
         return new and self._change()
 
-    def take(self, start: FleetState, published: Plan | None) -> None:
+    def take(self, start: FleetState, published: Trajectory | None) -> None:
         """See which bounds can be kept from a state, and what is in reach; `published` is what is flown so far."""
-        known = [] if published is None else [shifted_plan(published, start.position, start.velocity, start.time)]
+        known = [] if published is None else [published.remainder(start.time, start.position, start.velocity)]
         if self._changed or not known:
             known.append(self.brake(start))
         paths = [path_among(plan, self.obstacles) for plan in known]
@@ -96,27 +95,27 @@ class PlanningConstraints:
             self.measurable = reachable(self.fleet, self._given.field.cell, start.position[self._lost])
         self._changed = False
 
-    def brake(self, start: FleetState) -> Plan:
+    def brake(self, start: FleetState) -> Trajectory:
         """Return the plan that stops everyone as fast as they can."""
         control = self._given.spec.control
-        return brake_plan(
+        return braking_trajectory(
             start.position, start.velocity, self.fleet, start.time, control.period_s, control.horizon_steps
         )
 
-    def keeps(self, plan: Plan, start: FleetState) -> bool:
+    def keeps(self, plan: Trajectory, start: FleetState) -> bool:
         """Return whether the verifier passes a plan from a state."""
         return self.bounds.keeps(path_among(plan, self.obstacles), self._truly(start))
 
-    def keeps_if_missed(self, plan: Plan, known: Plan) -> bool:
+    def keeps_if_missed(self, plan: Trajectory, known: Trajectory) -> bool:
         """Return whether all is well while anyone goes on along the plan that is known, until that is noticed."""
         last = min(_NOTICED, plan.steps, known.steps)
         new, old = (
-            Path(one.time()[: last + 1], one.position[: last + 1], one.velocity[: last + 1], one.input[:last])
+            Path(one.time[: last + 1], one.position[: last + 1], one.velocity[: last + 1], one.input[:last])
             for one in (plan, known)
         )
         return self.bounds.keeps_mixed(new, old)
 
-    def leaves_room(self, plan: Plan, known: Plan, before: tuple[FloatArray, FloatArray] | None) -> bool:
+    def leaves_room(self, plan: Trajectory, known: Trajectory, before: tuple[FloatArray, FloatArray] | None) -> bool:
         """Return whether a plan leaves as much room to stop as is wanted, or as the known one does.
 
         `before` is the state a period earlier: who stopped then is not known of yet.
@@ -124,7 +123,7 @@ class PlanningConstraints:
         new = self.braking_violation(plan, before)
         return new <= BRAKING_TOLERANCE or new <= self.braking_violation(known, before)
 
-    def braking_violation(self, plan: Plan, before: tuple[FloatArray, FloatArray] | None = None) -> float:
+    def braking_violation(self, plan: Trajectory, before: tuple[FloatArray, FloatArray] | None = None) -> float:
         """Return by how much [m] someone comes too near to one who stops without warning, or that one leaves the box.
 
         `before` is as above.
@@ -155,7 +154,7 @@ class PlanningConstraints:
         """Return the state (m, d) with the lost where they still are."""
         position, velocity = start.position.copy(), start.velocity.copy()
         for index, course in self.obstacles.items():
-            (position[index],), (velocity[index],), _ = course.at(np.array([start.time]))
+            position[index], velocity[index] = course.at(start.time)
         return position, velocity
 
 

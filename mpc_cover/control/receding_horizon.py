@@ -30,10 +30,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
-    from mpc_cover.control.obstacle_trajectories import ObstacleTrajectory
+    from mpc_cover.control.fallback_policy import PlanSource
     from mpc_cover.mission.load import Mission
-    from mpc_cover.model.fallback_motion import PlanSource
-    from mpc_cover.model.trajectory import Plan
+    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.task import Candidate, Task
 
 _QPS = 2
@@ -67,7 +66,7 @@ class RecedingHorizon:
         self.coverage = make_map(mission)
         self._allocation = DemandAllocation(self.coverage, mission.field)
         self._trigger = ReplanTrigger(mission.spec.control.planning_time_s)
-        self._whole: Plan | None = None
+        self._whole: Trajectory | None = None
         self._reunites = False
         self._fallback = FallbackPolicy(self._constraints)
         self._candidates = CandidateGenerator(mission, self._constraints, self._allocation)
@@ -129,7 +128,7 @@ class RecedingHorizon:
         if self._constraints.set_lost(lost):
             self._start_over()
 
-    def set_obstacles(self, obstacles: Mapping[int, ObstacleTrajectory]) -> None:
+    def set_obstacles(self, obstacles: Mapping[int, Trajectory]) -> None:
         """Keep clear of the lost while they still move, by number; without one they are where they come to rest."""
         self._constraints.obstacles = obstacles
 
@@ -203,7 +202,7 @@ class RecedingHorizon:
         if not start.velocity.any() and stays_at(seen, here) and (self._left_by(seen, start)[0] > 0.0).any():
             self._trigger.strand(here, float(self.coverage.residual.sum()))
 
-    def _runs_out(self, whole: Plan, start: FleetState) -> bool:
+    def _runs_out(self, whole: Trajectory, start: FleetState) -> bool:
         """Return whether a mission plan has done its part, or is about to end, while more is to be done."""
         if self.coverage.endless:
             return not self.coverage.demand(start.time, start.position).gamma.any()
@@ -212,7 +211,7 @@ class RecedingHorizon:
         weight, looks = self._left_by(whole.position, start)
         return self._allocation.more or (looks is not None and bool((weight > 0.0).any()))
 
-    def _rest_of_whole(self, start: FleetState) -> Plan | None:
+    def _rest_of_whole(self, start: FleetState) -> Trajectory | None:
         """Return what is left of the mission plan from this state on, or None when it is over or of no use."""
         whole = self._whole
         if whole is None:
@@ -220,10 +219,10 @@ class RecedingHorizon:
         done = round((start.time - whole.start_time) / self._period)
         if not 0 <= done < whole.steps:
             return None
-        rest = start.plan(whole.velocity[done + 1 :], self._period)
+        rest = start.trajectory(whole.velocity[done + 1 :], self._period)
         return rest if self._constraints.keeps(rest, start) else None
 
-    def _improved(self, whole: Plan, start: FleetState, deadline: float | None) -> tuple[Plan, str]:
+    def _improved(self, whole: Trajectory, start: FleetState, deadline: float | None) -> tuple[Trajectory, str]:
         """Re-solve the stretch within the horizon, a sample shorter if all that was to be covered still is."""
         stretch = resolved_steps(whole, self._mission)
         weight, looks = self._left_by(whole.position[stretch + 1 :], start)
@@ -242,7 +241,7 @@ class RecedingHorizon:
                 return plan, "a sample sooner" if sooner else "more coverage"
         return whole, "no sample sooner" if sooner else "no better"
 
-    def _is_safe(self, plan: Plan, known: Plan, start: FleetState) -> bool:
+    def _is_safe(self, plan: Trajectory, known: Trajectory, start: FleetState) -> bool:
         """Return whether a plan is as safe as the known one, whoever misses it, and whoever stops."""
         constraints = self._constraints
         before = self._fallback.state_at(start.time - self._period)
@@ -258,7 +257,7 @@ class RecedingHorizon:
         return weight * self._constraints.measurable, looks
 
     def _result(
-        self, begun: float, deadline: float | None, plan: Plan, plan_source: PlanSource, reason: str
+        self, begun: float, deadline: float | None, plan: Trajectory, plan_source: PlanSource, reason: str
     ) -> StepResult:
         self._fallback.published = plan
         now = time.perf_counter()

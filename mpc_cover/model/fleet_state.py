@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mpc_cover.model.fallback_motion import plan_from_velocities
+from mpc_cover.model.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.model.trajectory import Plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +19,6 @@ class FleetState:
     velocity: FloatArray
     time: float
 
-    def plan(self, later: FloatArray, period: float) -> Plan:
-        """Return the plan with velocities `later` (N, m, d) [m/s] at samples 1 to N."""
-        return plan_from_velocities(self.position, self.velocity, later, self.time, period)
+    def trajectory(self, later: FloatArray, period: float) -> Trajectory:
+        """Return the motion with velocities `later` (N, m, d) [m/s] at samples 1 to N."""
+        return Trajectory.from_velocities(self.position, self.velocity, later, self.time, period)

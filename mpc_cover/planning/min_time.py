@@ -19,7 +19,7 @@ from mpc_cover.planning.task import Candidate, Task, as_flown, as_moved, promise
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mpc_cover.planning.initial_guess.waypoint_tracking import Motion
+    from mpc_cover.model.trajectory import Trajectory
     from solvers.backends.base import Backend
 
 _EASY, _HARD = 0.92, 0.76
@@ -146,12 +146,12 @@ def plan_min_time(
     return best
 
 
-def _flights(task: Task, search: Search, deadline: float | None) -> list[tuple[Guess, Motion]]:
+def _flights(task: Task, search: Search, deadline: float | None) -> list[tuple[Guess, Trajectory]]:
     """Fly systematic guesses to their ends: what they take is a measure of the work.
 
     All of them where there is time, else twice as many as are to be told apart; one at the least.
     """
-    flights: list[tuple[Guess, Motion]] = []
+    flights: list[tuple[Guess, Trajectory]] = []
     most, enough = (_SYSTEMATIC if search.starts > _SCREENED else 2 * search.starts), part_of(deadline, _FLYING)
     for guess in islice(initial_guesses(task, search), most):
         if "random" in guess.kind or (flights and late(enough)):

@@ -79,7 +79,7 @@ def multistart(
     for guess in islice(initial_guesses(task, search), max(search.starts, 1)):
         if late(screening) and tried:
             break
-        x = ocp.exact_ends(task.flown(guess, steps).decision)
+        x = ocp.decision_of(task.flown(guess, steps))
         coarse = optimise(
             ocp,
             x,
@@ -100,7 +100,7 @@ def multistart(
         found.append(_finished(task, backend, steps, finalist, deadline, search))
     best = min(found, key=lambda candidate: candidate.rank)
     tell(steps, best)
-    still = ocp.exact_ends(task.flown(rest_guess(task.position), steps).decision)
+    still = ocp.decision_of(task.flown(rest_guess(task.position), steps))
     if not best.complete and search.rounds != 0:
         found.append(_hopped(task, backend, best, [still, *(x for _, x, _ in tried)], deadline, search, tell))
     found.append(candidate_of(task, steps, evaluate(ocp, still), "rest"))

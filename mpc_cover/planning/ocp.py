@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mpc_cover.constraints.boundary import Ends
     from mpc_cover.coverage.majoriser import Softness
     from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,10 @@ class OCP:
     def decision(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
         """Return the decision vector: the (m, d) `position` at sample 0 and the (N+1, m, d) velocities, flat."""
         return np.concatenate([position.ravel(), velocity.ravel()])
+
+    def decision_of(self, motion: Trajectory) -> FloatArray:
+        """Return the decision vector of a motion of as many steps, with the ends exactly as asked."""
+        return self.exact_ends(self.decision(motion.position[0], motion.velocity))
 
     def motion(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions [m] and velocities [m/s], (N+1, m, d), of a decision vector: dynamics hold exactly."""

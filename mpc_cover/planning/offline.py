@@ -15,7 +15,7 @@ from mpc_cover.information.replay import measured_at
 from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
-from mpc_cover.trajectory_file import Trajectory
+from mpc_cover.trajectory_file import Recording
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -57,7 +57,7 @@ class PlanOptions:
 
 def plan_mission(
     mission: Mission, options: PlanOptions | None = None, told: Callable[[str], None] | None = None
-) -> Trajectory:
+) -> Recording:
     """Return the best plan found, between the ends that the mission's `planning` asks for.
 
     Deterministic without a time limit; `told` hears of the search. The result's meta says what it is worth.
@@ -114,15 +114,15 @@ def _teller(period: float, told: Callable[[str], None] | None) -> Callable[[int,
     return tell
 
 
-def _trajectory(mission: Mission, options: PlanOptions, found: Candidate) -> Trajectory:
+def _trajectory(mission: Mission, options: PlanOptions, found: Candidate) -> Recording:
     plan = found.plan
-    return Trajectory(
-        time=plan.time(),
+    return Recording(
+        time=plan.time,
         position=plan.position,
         velocity=plan.velocity,
         input=plan.input,
         cell=mission.field.cell,
-        covered_at=measured_at(mission, plan.time(), plan.position),
+        covered_at=measured_at(mission, plan.time, plan.position),
         agent_id=mission.fleet.ids,
         mission=mission,
         meta={

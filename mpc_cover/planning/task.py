@@ -10,7 +10,7 @@ import numpy as np
 from mpc_cover.constraints.boundary import Ends
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.model.trajectory import Plan
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 from mpc_cover.planning.ocp import OCP
 from mpc_cover.planning.scp import BRAKING_TOLERANCE, evaluate, merit
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.planning.initial_guess.boustrophedon import Guess
-    from mpc_cover.planning.initial_guess.waypoint_tracking import Motion
     from mpc_cover.planning.scp import SCPResult
 
 
@@ -84,14 +83,14 @@ class Task:
         )
         return OCP(self.fleet, self.cell, self.weight, steps, self.period, ends, self.looks)
 
-    def owed_after(self, plan: Plan) -> FloatArray:
+    def owed_after(self, plan: Trajectory) -> FloatArray:
         """Return the weights (J, K) of what a plan's samples leave over; of several looks owed, all are to be taken."""
         if self.looks is not None:
             enough = look_counts(plan.position, self.cell, self.fleet.radius) >= self.looks
             return np.where(enough, 0.0, self.weight)
         return still_owed(plan.position, self.cell, self.fleet.radius, self.weight)
 
-    def flown(self, guess: Guess, steps: int | None) -> Motion:
+    def flown(self, guess: Guess, steps: int | None) -> Trajectory:
         """Fly a guess from the start, or from where it begins if that is free, to the end that is asked for."""
         position, paths = self.position, guess.paths
         if self.start_free:
@@ -100,7 +99,16 @@ class Task:
             home = position if self.goal is None else self.goal
             paths = [np.concatenate([path, goal[None]]) for path, goal in zip(paths, home, strict=True)]
         stop = self.end != "free"
-        return track_waypoints(paths, position, self.velocity, self.fleet, self.period, steps=steps, stop=stop)
+        return track_waypoints(
+            paths,
+            position,
+            self.velocity,
+            self.fleet,
+            self.period,
+            start_time=self.start_time,
+            steps=steps,
+            stop=stop,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +125,7 @@ class Candidate:
     braking_violation : by how much someone comes too near to one who stops without warning [m].
     """
 
-    plan: Plan
+    plan: Trajectory
     cost: float
     feasible: bool
     kind: str
@@ -149,14 +157,14 @@ class Candidate:
 def candidate_of(task: Task, steps: int, refined: SCPResult, kind: str) -> Candidate:
     """Return the candidate of a refined decision vector."""
     position, velocity = task.ocp(steps).motion(refined.x)
-    plan = Plan(task.start_time, task.period, position, velocity, np.diff(velocity, axis=0) / task.period)
+    plan = Trajectory.even(task.start_time, task.period, position, velocity, np.diff(velocity, axis=0) / task.period)
     return Candidate(plan, refined.cost, refined.feasible, kind, refined, refined.braking_violation)
 
 
-def as_flown(task: Task, guess: Guess, motion: Motion) -> Candidate:
+def as_flown(task: Task, guess: Guess, motion: Trajectory) -> Candidate:
     """Return the candidate of a guess as it flies."""
     ocp = task.ocp(motion.steps)
-    return candidate_of(task, motion.steps, evaluate(ocp, ocp.exact_ends(motion.decision)), guess.kind)
+    return candidate_of(task, motion.steps, evaluate(ocp, ocp.decision_of(motion)), guess.kind)
 
 
 def as_moved(task: Task, position: FloatArray, velocity: FloatArray, kind: str) -> Candidate:

@@ -64,7 +64,7 @@ def start_from(case: Case, guess: str) -> FloatArray:
         chosen = next(iter(sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period)))
     else:
         raise UserError(f"--guess {guess}: is none: must be one of {', '.join(GUESSES)} or all")
-    return case.ocp.exact_ends(task.flown(chosen, case.ocp.steps).decision)
+    return case.ocp.decision_of(task.flown(chosen, case.ocp.steps))
 
 
 def asked_of_peers(case: Case) -> Requirements:

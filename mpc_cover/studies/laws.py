@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from mpc_cover.mission.load import Mission
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 LAWS = {"mpc": "receding horizon", "potential": "potential law"}
 _TRAFFIC = ("state", "plan", "word")
@@ -113,7 +113,7 @@ def _measured(
     mission: Mission,
     law: str,
     seed: int,
-    flown: Trajectory,
+    flown: Recording,
     complete: bool,
     traffic: Counter[str],
     taken_ms: Any,

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.run.simulate import Simulation
     from mpc_cover.studies.runs import Run
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
     Fly = Callable[[Run], Record]
 
@@ -88,7 +88,7 @@ def coverage_curve(covered_at: FloatArray) -> tuple[float | None, ...]:
     return tuple(round(float(time), 6) if np.isfinite(time) else None for time in reached)
 
 
-def cost_left(trajectory: Trajectory) -> float:
+def cost_left(trajectory: Recording) -> float:
     """Return J (4.34) [m] of the motion flown: 0 when every cell was measured."""
     mission = trajectory.mission
     owed = np.isinf(trajectory.covered_at)

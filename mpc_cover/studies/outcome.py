@@ -6,17 +6,17 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mpc_cover.model.fallback_motion import PlanSource
+from mpc_cover.control.fallback_policy import PlanSource
 
 if TYPE_CHECKING:
-    from mpc_cover.model.trajectory import Plan
+    from mpc_cover.model.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
     """What a step came out with; see `control.control_law.StepOutcome`."""
 
-    plan: Plan
+    plan: Trajectory
     plan_source: PlanSource
     reason: str
     computing_time_s: float
@@ -24,7 +24,7 @@ class Step:
 
 
 def stepped(
-    begun: float, deadline: float | None, plan: Plan, reason: str, plan_source: PlanSource = PlanSource.NEW
+    begun: float, deadline: float | None, plan: Trajectory, reason: str, plan_source: PlanSource = PlanSource.NEW
 ) -> Step:
     """Return the step that began at `begun` on `time.perf_counter`, as `deadline` is."""
     now = time.perf_counter()

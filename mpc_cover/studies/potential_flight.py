@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.control.fallback_policy import PlanSource
 from mpc_cover.distributed.potential_functions import CoverageShape, coordination_of
 from mpc_cover.distributed.potential_law import Bounds, LawParameters, PotentialLaw, random_signal
 from mpc_cover.distributed.stall_escape import StallEscape
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
+from mpc_cover.model.braking import braking_trajectory, braking_velocities
 from mpc_cover.model.constraint_tightening import tightened
-from mpc_cover.model.fallback_motion import PlanSource, brake, brake_plan, plan_from_velocities
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.studies.outcome import Step, stepped
 
 if TYPE_CHECKING:
@@ -69,7 +71,7 @@ class PotentialFleetLaw:
         """Return the law's force for a period from the (m, d) state at `start_time`, then braking."""
         begun = time.perf_counter()
         if self.coverage.complete:
-            stop = brake_plan(position, velocity, self._fleet, start_time, self._period, 1)
+            stop = braking_trajectory(position, velocity, self._fleet, start_time, self._period, 1)
             return stepped(begun, deadline, stop, "all is covered", PlanSource.REST)
         kept = self._law.kept_edges(position, velocity)
         for one, two in self._fleet.links:
@@ -77,8 +79,8 @@ class PotentialFleetLaw:
         signal = random_signal(self._rng, *position.shape)
         wish = self._law.wish(position, self._weight(), kept, signal)
         after = velocity + self._period * self._law.force(position, velocity, wish, kept)
-        later = np.concatenate([after[None], brake(after, self._fleet, self._period)])
-        plan = plan_from_velocities(position, velocity, later, start_time, self._period)
+        later = np.concatenate([after[None], braking_velocities(after, self._fleet, self._period)])
+        plan = Trajectory.from_velocities(position, velocity, later, start_time, self._period)
         return stepped(begun, deadline, plan, "down the potential")
 
     def limit_speed(self, index: int, part: float) -> None:

@@ -116,11 +116,11 @@ def _fly(
     for k in range(_LONGEST):
         now, then = k * period, (k + 1) * period
         for instant in np.append(np.arange(now + state_period, then - 1e-9, state_period), then):
-            law.coverage.observe(float(instant), plan.state_at(float(instant))[0])
+            law.coverage.observe(float(instant), plan.at(float(instant))[0])
         told(law.coverage.fraction)
         if law.coverage.complete and steps:
             break
-        position, velocity = plan.state_at(then)
+        position, velocity = plan.at(then)
         watch.reset()
         begun = time.perf_counter()
         plan = law.step(position, velocity, then, deadline=None).plan

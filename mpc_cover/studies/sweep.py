@@ -17,9 +17,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.control.fallback_policy import PlanSource
 from mpc_cover.information.build import make_map
+from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.constraint_tightening import tightened
-from mpc_cover.model.fallback_motion import PlanSource, brake_plan, plan_from_velocities
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.initial_guess.lanes import cut_lanes, snake, swath_of
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 from mpc_cover.studies.outcome import Step, stepped
@@ -86,11 +88,11 @@ class SweepLaw:
         self, begun: float, position: FloatArray, velocity: FloatArray, start_time: float, deadline: float | None
     ) -> Step:
         if self.coverage.complete:
-            stop = brake_plan(position, velocity, self._fleet, start_time, self._period, self._steps)
+            stop = braking_trajectory(position, velocity, self._fleet, start_time, self._period, self._steps)
             return stepped(begun, deadline, stop, "all is covered", PlanSource.REST)
         paths = [self._ahead(agent, position[agent], velocity[agent]) for agent in range(len(position))]
         motion = track_waypoints(paths, position, velocity, self._fleet, self._period, steps=self._steps)
-        plan = plan_from_velocities(position, velocity, motion.velocity[1:], start_time, self._period)
+        plan = Trajectory.from_velocities(position, velocity, motion.velocity[1:], start_time, self._period)
         return stepped(begun, deadline, plan, "sweeps")
 
     def _ahead(self, agent: int, here: FloatArray, velocity: FloatArray) -> FloatArray:

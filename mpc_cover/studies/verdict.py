@@ -9,7 +9,7 @@ import numpy as np
 
 from mpc_cover.constraints.pairs import all_pairs, linked_pairs
 from mpc_cover.coverage.nearest import nearest_samples
-from mpc_cover.trajectory_file import Trajectory
+from mpc_cover.trajectory_file import Recording
 from mpc_cover.verification.connectivity import bottleneck
 from mpc_cover.verification.ends import check_plan_ends
 from mpc_cover.verification.motion import verify_motion
@@ -104,7 +104,16 @@ def _checks(case: Case, position: FloatArray, velocity: FloatArray) -> list[Chec
     )
     unknown = np.full(mission.field.size, np.inf)
     ids, cell = mission.fleet.ids, mission.field.cell
-    trajectory = Trajectory(case.time(), position, velocity, force, cell, unknown, ids, mission)
+    trajectory = Recording(
+        case.time(),
+        position,
+        velocity,
+        force,
+        cell=cell,
+        covered_at=unknown,
+        agent_id=ids,
+        mission=mission,
+    )
     return [*report.checks, *check_plan_ends(trajectory, TOLERANCE)]
 
 

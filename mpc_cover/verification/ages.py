@@ -15,14 +15,14 @@ from mpc_cover.verification.report import Check
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 _TIE = 1e-9
 """A cell at distance exactly rho counts as measured, whatever the last bit says [m]."""
 _SAME_TIME = 1e-6
 
 
-def check_ages(trajectory: Trajectory) -> list[Check]:
+def check_ages(trajectory: Recording) -> list[Check]:
     """Check that no cell went without a look for longer than a strict patrol's limit; nothing for other missions."""
     given = trajectory.mission.spec.information
     if not isinstance(given, AgeingInformation) or not given.strict:
@@ -36,7 +36,7 @@ def check_ages(trajectory: Trajectory) -> list[Check]:
     return [Check("age limit", margin >= -_SAME_TIME, margin, "s", where)]
 
 
-def longest_gaps(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+def longest_gaps(trajectory: Recording) -> tuple[FloatArray, FloatArray]:
     """Return (J, K) [s] the longest time without a look at each magnitude and cell, and until when (J, K) [s].
 
     The start of the record counts as a look, and its end ends the last gap.

@@ -15,13 +15,13 @@ from mpc_cover.verification.report import Check, Report
 from mpc_cover.verification.single import as_single
 
 if TYPE_CHECKING:
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 TOLERANCE = 1e-6
 """What a limit may be exceeded by, and a residual may amount to [m, m/s, m/s^2]."""
 
 
-def check_trajectory(trajectory: Trajectory) -> Report:
+def check_trajectory(trajectory: Recording) -> Report:
     """Verify a trajectory against the mission it carries.
 
     The motion starts in the mission's start at rest; a plan (meta["kind"]) starts and ends as the

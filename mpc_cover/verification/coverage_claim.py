@@ -11,7 +11,7 @@ from mpc_cover.verification.report import Check
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 _TIE = 1e-9
 """A cell at distance exactly rho counts as measured, whatever the last bit says [m]."""
@@ -23,7 +23,7 @@ _SAME_TIME = 1e-9
 _SAME_CELL = 1e-9
 
 
-def check_coverage(trajectory: Trajectory) -> list[Check]:
+def check_coverage(trajectory: Recording) -> list[Check]:
     """Check the cells against the mission's, and `covered_at` against the discs flown (3.23, 4.29)."""
     cells = _check_cells(trajectory)
     if not cells.holds:
@@ -40,7 +40,7 @@ def check_coverage(trajectory: Trajectory) -> list[Check]:
     ]
 
 
-def first_measured(trajectory: Trajectory, radius: FloatArray, part: float = 1.0) -> FloatArray:
+def first_measured(trajectory: Recording, radius: FloatArray, part: float = 1.0) -> FloatArray:
     """Return (K,) [s]: the first sample by which every magnitude was measured on each cell; inf where never.
 
     `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude. Where the mission asks for more than one
@@ -64,7 +64,7 @@ def first_measured(trajectory: Trajectory, radius: FloatArray, part: float = 1.0
     return done
 
 
-def _check_cells(trajectory: Trajectory) -> Check:
+def _check_cells(trajectory: Recording) -> Check:
     """Check that the file's cells are those that its mission is cut into."""
     expected = trajectory.mission.field.cell
     if trajectory.cell.shape != expected.shape or trajectory.covered_at.shape != expected.shape[:1]:
@@ -82,7 +82,7 @@ def _difference(later: FloatArray, sooner: FloatArray) -> FloatArray:
     return np.subtract(later, sooner, out=np.zeros_like(later), where=~both_never)
 
 
-def _check_claim(name: str, slack: FloatArray, trajectory: Trajectory, truth: FloatArray) -> Check:
+def _check_claim(name: str, slack: FloatArray, trajectory: Recording, truth: FloatArray) -> Check:
     """Return the check whose margin is the smallest of the (K,) slacks [s]."""
     bad = ~(slack >= -_SAME_TIME)
     if not bad.any():

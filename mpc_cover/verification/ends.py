@@ -10,7 +10,7 @@ from mpc_cover.verification.report import Check
 
 if TYPE_CHECKING:
     from mpc_cover.mission.fleet import Fleet
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
     from mpc_cover.verification.path import Path
 
 _PARTS = 16
@@ -41,7 +41,7 @@ def check_links(path: Path, fleet: Fleet, tolerance: float) -> Check:
     return Check("links kept", worst >= -tolerance, worst, "m", where)
 
 
-def check_plan_ends(trajectory: Trajectory, tolerance: float) -> list[Check]:
+def check_plan_ends(trajectory: Recording, tolerance: float) -> list[Check]:
     """Check that a plan ends as its mission's `planning.end` asks."""
     mission = trajectory.mission
     planning = mission.spec.planning

@@ -15,10 +15,10 @@ from mpc_cover.mission.information import EffectiveInformation, KalmanInformatio
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 
-def summarise_information(trajectory: Trajectory) -> dict[str, Any] | None:
+def summarise_information(trajectory: Recording) -> dict[str, Any] | None:
     """Return the figures of the mission's kind of information; None where a cell's first look is all.
 
     Variances are in the magnitude's unit squared, the error of the estimate in its unit, ages in seconds.
@@ -65,7 +65,7 @@ class AgeHistory:
     limit_s: float
 
 
-def age_history(trajectory: Trajectory) -> AgeHistory:
+def age_history(trajectory: Recording) -> AgeHistory:
     """Return the ages that a patrol's flight left; its mission's information must be of kind ageing."""
     seen = make_map(trajectory.mission, margin_m=0.0)
     assert isinstance(seen, PatrolMap)
@@ -76,7 +76,7 @@ def age_history(trajectory: Trajectory) -> AgeHistory:
     return AgeHistory(worst, mean, seen.ages.age, float(seen.covered_at.max()), seen.limit_s)
 
 
-def _ages(trajectory: Trajectory) -> dict[str, Any]:
+def _ages(trajectory: Recording) -> dict[str, Any]:
     """Return ages over the whole run, and from when everything had been measured once on; those from the start on.
 
     The mean is over cells and time, by the trapezoidal rule.

@@ -13,7 +13,7 @@ from mpc_cover.mission.information import EffectiveInformation, KalmanInformatio
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 _NEARLY = 1.0 - 1e-12
 """What a level may be missed by in rounding, as ten times 0.1 does."""
@@ -58,7 +58,7 @@ def _counting(looks: float, period: float) -> Rule:
     return Rule(math.ceil(looks) - 0.5, 1.0, 1.0, period)
 
 
-def settled_at(trajectory: Trajectory, radius: FloatArray, rule: Rule, level: float) -> FloatArray:
+def settled_at(trajectory: Recording, radius: FloatArray, rule: Rule, level: float) -> FloatArray:
     """Return (K,) [s]: the first sample by which the looks at each cell came to `level`, for every magnitude.
 
     `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude. Every agent looks at what it sees as soon
@@ -68,7 +68,7 @@ def settled_at(trajectory: Trajectory, radius: FloatArray, rule: Rule, level: fl
     return np.asarray(np.max(times, axis=0))
 
 
-def _of_magnitude(trajectory: Trajectory, reach: FloatArray, rule: Rule, level: float) -> FloatArray:
+def _of_magnitude(trajectory: Recording, reach: FloatArray, rule: Rule, level: float) -> FloatArray:
     cells = trajectory.cell.shape[0]
     able = np.flatnonzero(reach > 0.0)
     last = np.full((able.size, cells), -np.inf)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.fleet import Fleet
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 REACTION_PERIODS = 2.0
 """Within so many control periods a loss is known and everyone flies a plan without the lost."""
@@ -59,7 +59,7 @@ class Separation:
         return self.loss is not None and self.later <= self.allowed + _SAME_TIME and met
 
 
-def losses_of(trajectory: Trajectory) -> dict[int, float]:
+def losses_of(trajectory: Recording) -> dict[int, float]:
     """Return {agent index: time of its loss [s]} from the file's meta; what is unreadable counts for nothing."""
     lost: Any = trajectory.meta.get("lost")
     if not isinstance(lost, dict):
@@ -70,7 +70,7 @@ def losses_of(trajectory: Trajectory) -> dict[int, float]:
 
 
 def verify_with_losses(
-    trajectory: Trajectory, losses: dict[int, float], *, tolerance: float, start: tuple[FloatArray, FloatArray]
+    trajectory: Recording, losses: dict[int, float], *, tolerance: float, start: tuple[FloatArray, FloatArray]
 ) -> Report:
     """Verify a flight; connectivity stretch by stretch, each with those who are left.
 
@@ -91,7 +91,7 @@ def verify_with_losses(
     return Report(tuple(checks))
 
 
-def stretches(trajectory: Trajectory, losses: dict[int, float]) -> Iterator[tuple[Path, Fleet]]:
+def stretches(trajectory: Recording, losses: dict[int, float]) -> Iterator[tuple[Path, Fleet]]:
     """Yield the path between losses with the fleet as it is then; whom an interval loses is lost from its start."""
     fleet, end = trajectory.mission.fleet, len(trajectory.time) - 1
     begins = {i: _sample_of(trajectory, loss) for i, loss in losses.items()}
@@ -106,12 +106,12 @@ def stretches(trajectory: Trajectory, losses: dict[int, float]) -> Iterator[tupl
         yield path, replace(fleet, lost=lost, links=links)
 
 
-def _sample_of(trajectory: Trajectory, loss: float) -> int:
+def _sample_of(trajectory: Recording, loss: float) -> int:
     """Return the sample at which the interval begins in which someone is lost."""
     return max(0, int(np.searchsorted(trajectory.time, loss, side="right")) - 1)
 
 
-def separations(trajectory: Trajectory, losses: dict[int, float], tolerance: float) -> list[Separation]:
+def separations(trajectory: Recording, losses: dict[int, float], tolerance: float) -> list[Separation]:
     """Return when those who were left were out of range of each other, in the order of time."""
     time, longest = _longest_edges(trajectory, losses)
     apart = longest > trajectory.mission.fleet.communication_range + tolerance
@@ -124,7 +124,7 @@ def separations(trajectory: Trajectory, losses: dict[int, float], tolerance: flo
 
 
 def _judged(
-    trajectory: Trajectory, losses: dict[int, float], time: FloatArray, longest: FloatArray, met: float
+    trajectory: Recording, losses: dict[int, float], time: FloatArray, longest: FloatArray, met: float
 ) -> Separation:
     """Put a separation down to the last loss before it, if that may be its cause."""
     fleet, begin, largest = trajectory.mission.fleet, float(time[0]), float(longest.max())
@@ -142,7 +142,7 @@ def _judged(
     return Separation(begin, met, largest, loss, allowed, float(longest[~early].max(initial=0.0)), unnoticed)
 
 
-def _longest_edges(trajectory: Trajectory, losses: dict[int, float]) -> tuple[FloatArray, FloatArray]:
+def _longest_edges(trajectory: Recording, losses: dict[int, float]) -> tuple[FloatArray, FloatArray]:
     """Return when pieces of the path begin (n,) [s], and the longest edge of the tree within each (n,) [m]."""
     times, edges = [], []
     for path, fleet in stretches(trajectory, losses):
@@ -155,7 +155,7 @@ def _longest_edges(trajectory: Trajectory, losses: dict[int, float]) -> tuple[Fl
     return np.concatenate(times), np.concatenate(edges)
 
 
-def _check_connectivity(trajectory: Trajectory, losses: dict[int, float], tolerance: float) -> list[Check]:
+def _check_connectivity(trajectory: Recording, losses: dict[int, float], tolerance: float) -> list[Check]:
     """Check that the longest edge is at most rho_C (4.20) but for what losses excuse, and say what that was."""
     exact = [check_connectivity(path, fleet, tolerance) for path, fleet in stretches(trajectory, losses)]
     if all(check.holds for check in exact):

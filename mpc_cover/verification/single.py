@@ -9,12 +9,12 @@ import numpy as np
 from mpc_cover.verification.report import Check, Report
 
 if TYPE_CHECKING:
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 _NOT_ASKED = ("dynamics of velocity", "start velocity", "rest at the end")
 
 
-def as_single(report: Report, trajectory: Trajectory) -> Report:
+def as_single(report: Report, trajectory: Recording) -> Report:
     """Return a double integrators' report without what single integrators need not keep.
 
     Their velocity is that of the interval that follows and bounded as a speed (5.2); a force has nothing to act on, so

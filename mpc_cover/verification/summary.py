@@ -18,7 +18,7 @@ from mpc_cover.verification.separation import smallest_separation
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
     from mpc_cover.verification.report import Report
 
 _TOLERANCE = 1e-6
@@ -95,7 +95,7 @@ class RunSummary:
         return data
 
 
-def summarise(trajectory: Trajectory, report: Report, step_times: FloatArray | None = None) -> RunSummary:
+def summarise(trajectory: Recording, report: Report, step_times: FloatArray | None = None) -> RunSummary:
     """Return a trajectory's summary; `step_times` are the controller's (S,) [s], if it is known."""
     mission, fleet = trajectory.mission, trajectory.mission.fleet
     path = Path(trajectory.time, trajectory.position, trajectory.velocity, trajectory.input)
@@ -146,7 +146,7 @@ def floor_percent(part: int, whole: int, decimals: int = 2) -> float:
     return (100 * scale * part // whole) / scale
 
 
-def time_to_cover(trajectory: Trajectory, percent: int) -> float | None:
+def time_to_cover(trajectory: Recording, percent: int) -> float | None:
     """Return when [s] at least `percent` of the cells were covered; None if they never were."""
     cells = trajectory.covered_at.size
     needed = -(-percent * cells // 100)
@@ -181,7 +181,7 @@ def swath_bound(mission: Mission) -> float | None:
     return left / float(2.0 * (radius * fleet.speed_max).sum()) if left > 0.0 else None
 
 
-def time_for_a_step(trajectory: Trajectory) -> float:
+def time_for_a_step(trajectory: Recording) -> float:
     """Return how long a step of the controller may take on the machine's clock [s]: a period at the run's speed."""
     speed = trajectory.meta.get("speed", 1.0)
     usable = isinstance(speed, int | float) and math.isfinite(speed) and speed > 0.0
@@ -203,14 +203,14 @@ def summarise_steps(step_times: FloatArray | None, period_s: float) -> StepTimes
     )
 
 
-def _longest_edge(trajectory: Trajectory) -> float | None:
+def _longest_edge(trajectory: Recording) -> float | None:
     """Return the longest edge [m] of the tree of those not lost by then; None when there were never two."""
     paths = (taking_part(path, fleet)[0] for path, fleet in stretches(trajectory, losses_of(trajectory)))
     widest = [edge.value for path in paths if (edge := widest_bottleneck(path)) is not None]
     return max(widest, default=None)
 
 
-def _time_apart(trajectory: Trajectory) -> float:
+def _time_apart(trajectory: Recording) -> float:
     """Return for how long those not lost by then were out of range of each other [s]."""
     end = float(trajectory.time[-1])
     apart = separations(trajectory, losses_of(trajectory), _TOLERANCE)

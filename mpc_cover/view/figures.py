@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, FigureBase
 
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
     from mpc_cover.verification.report import Report
 
     Draw = Callable[[Axes], None]
@@ -32,7 +32,7 @@ _NAMED = 16
 
 
 def draw_run(
-    trajectory: Trajectory,
+    trajectory: Recording,
     folder: str | Path,
     step_times: FloatArray | None = None,
     report: Report | None = None,
@@ -64,7 +64,7 @@ def draw_run(
 
 
 def _figures(
-    trajectory: Trajectory, step_times: FloatArray | None, report: Report | None
+    trajectory: Recording, step_times: FloatArray | None, report: Report | None
 ) -> Iterator[tuple[str, Figure]]:
     """Yield each figure with its file's name."""
     yield "overview.png", draw_overview(trajectory, step_times, report)
@@ -78,7 +78,7 @@ def _figures(
         yield f"{name}.png", _single(draw, 8.6, 4.4)
 
 
-def _panels(trajectory: Trajectory, step_times: FloatArray | None) -> dict[str, Draw]:
+def _panels(trajectory: Recording, step_times: FloatArray | None) -> dict[str, Draw]:
     """Return what there is to draw over time, by name."""
     panels: dict[str, Draw] = {
         "coverage": lambda axes: draw_coverage(axes, trajectory),
@@ -100,7 +100,7 @@ _MAPS = 4
 """Magnitudes that the overview has room for; each has a picture of its own as well."""
 
 
-def _magnitudes(trajectory: Trajectory) -> list[tuple[int, str]]:
+def _magnitudes(trajectory: Recording) -> list[tuple[int, str]]:
     """Return (index, name) of each magnitude where there are several."""
     names = trajectory.mission.fleet.magnitudes
     return list(enumerate(names)) if len(names) > 1 else []
@@ -117,7 +117,7 @@ def _single(draw: Draw, width: float, height: float) -> Figure:
     return figure
 
 
-def draw_overview(trajectory: Trajectory, step_times: FloatArray | None, report: Report | None) -> Figure:
+def draw_overview(trajectory: Recording, step_times: FloatArray | None, report: Report | None) -> Figure:
     """Draw all panels in one picture: the map on the left, what changes over time on the right."""
     magnitudes = _magnitudes(trajectory)[:_MAPS]
     figure = new_figure(14.0, 12.4 if magnitudes else 7.9)
@@ -140,7 +140,7 @@ def draw_overview(trajectory: Trajectory, step_times: FloatArray | None, report:
     return figure
 
 
-def _headline(trajectory: Trajectory, report: Report | None) -> tuple[str, str]:
+def _headline(trajectory: Recording, report: Report | None) -> tuple[str, str]:
     """Return what the overview says in a line, and its colour."""
     cells = trajectory.covered_at.size
     covered = floor_percent(sum(math.isfinite(time) for time in trajectory.covered_at), cells)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from mpc_cover.mission.load import Mission
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 
 def is_patrol(mission: Mission) -> bool:
@@ -34,7 +34,7 @@ def meaning_of_dark(mission: Mission) -> str:
             return f"dark: fewer than {looks} looks" if looks > 1 else "dark: never measured"
 
 
-def draw_ages(axes: Axes, trajectory: Trajectory) -> None:
+def draw_ages(axes: Axes, trajectory: Recording) -> None:
     """Draw a patrol's worst and mean age over time, and its limit."""
     history = age_history(trajectory)
     time, over = trajectory.time, max(history.limit_s, float(history.worst_s.max()))
@@ -49,7 +49,7 @@ def draw_ages(axes: Axes, trajectory: Trajectory) -> None:
     axes.set_ylabel("age [s]")
 
 
-def headline_of_patrol(trajectory: Trajectory) -> str:
+def headline_of_patrol(trajectory: Recording) -> str:
     """Return how old looks got, and for how long the fleet patrolled."""
     history = age_history(trajectory)
     end = trajectory.time[-1]

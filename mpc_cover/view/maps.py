@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.mission.config import Shape
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 _SHADE = LinearSegmentedColormap.from_list("coverage", [COVERED, UNCOVERED])
 _TIE = 1e-9
@@ -36,7 +36,7 @@ _LABELLED = 16
 """With more agents than this, ids would hide the map."""
 
 
-def draw_map(axes: Axes, trajectory: Trajectory, magnitude: int | None = None) -> None:
+def draw_map(axes: Axes, trajectory: Recording, magnitude: int | None = None) -> None:
     """Draw the cells, the area's outline, the paths, and the fleet at the end with its discs and tree.
 
     With a `magnitude` (index), what was measured of it, and only the agents that can measure it.
@@ -57,7 +57,7 @@ def draw_map(axes: Axes, trajectory: Trajectory, magnitude: int | None = None) -
     axes.set_title(_title(trajectory, magnitude))
 
 
-def _title(trajectory: Trajectory, magnitude: int | None) -> str:
+def _title(trajectory: Recording, magnitude: int | None) -> str:
     names = trajectory.mission.fleet.magnitudes
     if magnitude is not None:
         name = names[magnitude]
@@ -70,7 +70,7 @@ def _title(trajectory: Trajectory, magnitude: int | None) -> str:
     return f"Coverage ({dark}{flat})"
 
 
-def _owed(trajectory: Trajectory, magnitude: int | None) -> FloatArray:
+def _owed(trajectory: Recording, magnitude: int | None) -> FloatArray:
     """Return (K,): the part of the magnitudes still owed on each cell, or of a patrol's limit its age, 0 to 1."""
     radius = trajectory.mission.fleet.radius
     if is_patrol(trajectory.mission):
@@ -84,7 +84,7 @@ def _owed(trajectory: Trajectory, magnitude: int | None) -> FloatArray:
     return np.asarray(np.mean(owed, axis=0))
 
 
-def _draw_area(axes: Axes, trajectory: Trajectory) -> None:
+def _draw_area(axes: Axes, trajectory: Recording) -> None:
     """Draw the outline of W with its holes, and the box that agents stay in where it is another."""
     mission = trajectory.mission
     fleet, field = mission.fleet, mission.field
@@ -117,7 +117,7 @@ def _outline(shape: Shape) -> Patch:
             return PathPatch(Outline.make_compound_path(*closed), **line)
 
 
-def _draw_paths(axes: Axes, trajectory: Trajectory, agents: IntArray) -> None:
+def _draw_paths(axes: Axes, trajectory: Recording, agents: IntArray) -> None:
     path = Path(trajectory.time, trajectory.position, trajectory.velocity, trajectory.input)
     _, dense = path.dense(max(2, min(12, 6000 // len(trajectory.time))))
     for agent in agents:
@@ -148,7 +148,7 @@ def _draw_arrows(axes: Axes, point: FloatArray, colour: str) -> None:
         axes.plot(*point[k], marker=head, markersize=8, color=colour, markeredgecolor="white", zorder=3.5)
 
 
-def _draw_ends(axes: Axes, trajectory: Trajectory, agents: IntArray, radius: FloatArray) -> None:
+def _draw_ends(axes: Axes, trajectory: Recording, agents: IntArray, radius: FloatArray) -> None:
     """Draw the start (hollow), the end (filled) with the sensing disc, and the id."""
     for agent in agents:
         colour, _ = agent_style(int(agent))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 _FEW = 6
 """Up to so many agents a curve each is legible; above, the largest of all is drawn on top."""
@@ -27,7 +27,7 @@ _DENSE = 4000
 """About how many instants a curve of distances is evaluated at."""
 
 
-def draw_coverage(axes: Axes, trajectory: Trajectory) -> None:
+def draw_coverage(axes: Axes, trajectory: Recording) -> None:
     """Draw the covered part of the cells over time, and when it passed 90, 95 and 99 %."""
     covered = np.sort(trajectory.covered_at[np.isfinite(trajectory.covered_at)])
     cells, end = trajectory.covered_at.size, trajectory.time[-1]
@@ -62,7 +62,7 @@ def draw_coverage(axes: Axes, trajectory: Trajectory) -> None:
     _finish(axes, trajectory, f"Covered: {floor_percent(covered.size, cells):g} % of {cells} cells", "covered [%]")
 
 
-def draw_speeds(axes: Axes, trajectory: Trajectory) -> None:
+def draw_speeds(axes: Axes, trajectory: Recording) -> None:
     """Draw each agent's speed with its bound (3.12)."""
     speed = np.linalg.norm(trajectory.velocity, axis=2)
     for agent, style in enumerate(_agent_lines(trajectory)):
@@ -73,7 +73,7 @@ def draw_speeds(axes: Axes, trajectory: Trajectory) -> None:
     _finish(axes, trajectory, "Speeds", "speed [m/s]")
 
 
-def draw_inputs(axes: Axes, trajectory: Trajectory) -> None:
+def draw_inputs(axes: Axes, trajectory: Recording) -> None:
     """Draw the norm of each agent's input, held over each interval, with its bound (3.11)."""
     norm = np.linalg.norm(trajectory.input, axis=2)
     for agent, style in enumerate(_agent_lines(trajectory)):
@@ -84,7 +84,7 @@ def draw_inputs(axes: Axes, trajectory: Trajectory) -> None:
     _finish(axes, trajectory, "Inputs", "input [m/s²]")
 
 
-def draw_distances(axes: Axes, trajectory: Trajectory) -> None:
+def draw_distances(axes: Axes, trajectory: Recording) -> None:
     """Draw the distance of each pair between samples, too, with rho_B, rho_C and the longest edge of the tree.
 
     The tree is that of those who live (4.20); the dead remain obstacles, from whom others keep their distance.
@@ -134,7 +134,7 @@ def _longest_edge(losses: dict[int, float], agents: int, time: FloatArray, dista
     return widest
 
 
-def _mark_deaths(axes: Axes, trajectory: Trajectory, losses: dict[int, float]) -> None:
+def _mark_deaths(axes: Axes, trajectory: Recording, losses: dict[int, float]) -> None:
     """Draw when agents died, each in its own line of the legend."""
     for index, time in sorted(losses.items(), key=lambda item: item[1]):
         name = f"{trajectory.agent_id[index]} dies, {time:.1f} s"
@@ -168,7 +168,7 @@ def _draw_bounds(axes: Axes, bound: FloatArray, value: FloatArray, name: str, un
     axes.set_ylim(0.0, 1.2 * max(float(bound.max()), float(value.max())))
 
 
-def _agent_lines(trajectory: Trajectory) -> Iterator[dict[str, Any]]:
+def _agent_lines(trajectory: Recording) -> Iterator[dict[str, Any]]:
     """Yield how each agent's curve is drawn: earlier ones wider, to show behind later ones; thin where many."""
     agents = len(trajectory.agent_id)
     for agent, name in enumerate(trajectory.agent_id):
@@ -178,7 +178,7 @@ def _agent_lines(trajectory: Trajectory) -> Iterator[dict[str, Any]]:
         yield {"color": colour, "linestyle": line, "linewidth": width, "alpha": alpha, "label": name}
 
 
-def _finish(axes: Axes, trajectory: Trajectory, title: str, label: str) -> None:
+def _finish(axes: Axes, trajectory: Recording, title: str, label: str) -> None:
     axes.set_title(title)
     axes.set_xlabel("time [s]")
     axes.set_ylabel(label)

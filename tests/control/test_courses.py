@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpc_cover.control.constraint_relaxation import strict_bounds
-from mpc_cover.control.obstacle_trajectories import ObstacleTrajectory, path_among
+from mpc_cover.control.obstacle_trajectories import path_among
 from mpc_cover.control.reachability import reachable
-from mpc_cover.model.fallback_motion import plan_from_velocities
+from mpc_cover.model.trajectory import Trajectory
 
 
 def braking(position, velocity, begin, force=1.5):
@@ -19,14 +19,14 @@ def braking(position, velocity, begin, force=1.5):
     duration = speed / force
     push = -force / speed * velocity
     end = position + 0.5 * duration * velocity
-    pieces = [[position, end], [velocity, 0.0 * velocity], [push, 0.0 * push]]
-    return ObstacleTrajectory(np.array([begin, begin + duration]), *(np.array(piece) for piece in pieces))
+    pieces = [[position, end], [velocity, 0.0 * velocity], [push]]
+    return Trajectory(np.array([begin, begin + duration]), *(np.array(piece) for piece in pieces))
 
 
 def random_plan(rng, agents=3, steps=5):
     velocity = np.zeros((steps + 1, agents, 2))
     velocity[1:-1] = rng.normal(size=(steps - 1, agents, 2))
-    return plan_from_velocities(rng.normal(size=(agents, 2)), velocity[0], velocity[1:], 2.0, 0.5)
+    return Trajectory.from_velocities(rng.normal(size=(agents, 2)), velocity[0], velocity[1:], 2.0, 0.5)
 
 
 @settings(max_examples=50, deadline=None)
@@ -37,9 +37,9 @@ def test_the_path_is_the_plan_for_all_but_the_lost_and_the_course_for_these(seed
     angle = rng.uniform(0.0, 2.0 * np.pi)
     course = braking(rng.normal(size=2), speed * np.array([np.cos(angle), np.sin(angle)]), 2.0 - over * speed / 1.5)
     path = path_among(plan, {1: course})
-    assert set(np.round(plan.time(), 9)) <= set(np.round(path.time, 9))
+    assert set(np.round(plan.time, 9)) <= set(np.round(path.time, 9))
     for time, position, velocity in zip(path.time, path.position, path.velocity, strict=True):
-        there, fast = plan.state_at(time)
+        there, fast = plan.at(time)
         np.testing.assert_allclose(position[[0, 2]], there[[0, 2]], atol=1e-9)
         np.testing.assert_allclose(velocity[[0, 2]], fast[[0, 2]], atol=1e-7)
         left = max(0.0, course.time[-1] - time)
@@ -58,7 +58,7 @@ def test_a_plan_that_passes_where_the_lost_still_is_does_not_hold():
     start = np.array([[0.0, 0.0], course.position[-1]])
     up = np.array([[0.0, 0.25], [0.0, 0.0]])
     for velocity, holds in ((up, True), (2.8 * up, False)):
-        plan = plan_from_velocities(start, still, np.stack([velocity, np.zeros((2, 2))], axis=1), 0.0, 0.5)
+        plan = Trajectory.from_velocities(start, still, np.stack([velocity, np.zeros((2, 2))], axis=1), 0.0, 0.5)
         assert strict_bounds(fleet).keeps(path_among(plan, {}), (start, still))
         state = (np.array([[0.0, 0.0], [-1.0, 0.55]]), np.array([[0.0, 0.0], [3.0, 0.0]]))
         assert strict_bounds(fleet).keeps(path_among(plan, {1: course}), state) == holds

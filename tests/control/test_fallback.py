@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from motions import PERIOD
 
-from mpc_cover.model.fallback_motion import brake, brake_plan, shifted_plan
-from mpc_cover.model.trajectory import resting_plan
+from mpc_cover.model.braking import braking_trajectory, braking_velocities
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.verification.motion import verify_motion
 
 
 def verified(plan, fleet, start):
-    return verify_motion(fleet, plan.time(), plan.position, plan.velocity, plan.input, at_rest=True, start=start)
+    return verify_motion(fleet, plan.time, plan.position, plan.velocity, plan.input, at_rest=True, start=start)
 
 
 @given(seed=st.integers(0, 10**6), dimension=st.sampled_from([2, 3]))
@@ -24,16 +24,16 @@ def test_braking_keeps_the_limits_and_ends_at_rest(seed, dimension):
     position, velocity = rng.uniform(0, 9, (3, dimension)), rng.normal(size=(3, dimension))
     velocity *= rng.uniform(0, 1.5, (3, 1)) / np.linalg.norm(velocity, axis=1, keepdims=True)
     fleet = fleet_of(position, input_max=rng.uniform(0.3, 2.0, 3))
-    plan = brake_plan(position, velocity, fleet, 7.0, PERIOD, 4)
+    plan = braking_trajectory(position, velocity, fleet, 7.0, PERIOD, 4)
     report = verified(plan, fleet, (position, velocity))
     assert report.holds, report.first_failure
     assert plan.steps >= 4
-    assert brake(velocity, fleet, PERIOD)[-1].tolist() == np.zeros((3, dimension)).tolist()
+    assert braking_velocities(velocity, fleet, PERIOD)[-1].tolist() == np.zeros((3, dimension)).tolist()
 
 
 def test_braking_goes_straight_on():
     fleet = fleet_of(np.zeros((1, 2)))
-    plan = brake_plan(np.zeros((1, 2)), np.array([[1.5, 0.0]]), fleet, 0.0, PERIOD, 2)
+    plan = braking_trajectory(np.zeros((1, 2)), np.array([[1.5, 0.0]]), fleet, 0.0, PERIOD, 2)
     assert plan.position[-1, 0] == pytest.approx([0.75, 0.0])
 
 
@@ -41,21 +41,21 @@ def test_braking_goes_straight_on():
 def test_a_shifted_plan_is_the_rest_of_the_old_one_and_then_rest(seed, done):
     rng = np.random.default_rng(seed)
     fleet = fleet_of(rng.uniform(0, 9, (2, 2)))
-    plan = brake_plan(fleet.start, rng.uniform(-1, 1, (2, 2)), fleet, 3.0, PERIOD, 4)
+    plan = braking_trajectory(fleet.start, rng.uniform(-1, 1, (2, 2)), fleet, 3.0, PERIOD, 4)
     time = 3.0 + done * PERIOD
-    position, velocity = plan.state_at(time)
-    shifted = shifted_plan(plan, position, velocity, time)
+    position, velocity = plan.at(time)
+    shifted = plan.remainder(time, position, velocity)
     assert verified(shifted, fleet, (position, velocity)).holds
     assert shifted.steps == plan.steps
     for later in (0.0, 0.3, 0.9, 5.0):
-        assert shifted.state_at(time + later)[0] == pytest.approx(plan.state_at(time + later)[0], abs=1e-9)
+        assert shifted.at(time + later)[0] == pytest.approx(plan.at(time + later)[0], abs=1e-9)
 
 
 def test_a_plan_knows_its_state_between_samples_and_after_its_end():
     fleet = fleet_of(np.zeros((1, 2)))
-    plan = brake_plan(np.zeros((1, 2)), np.array([[1.0, 0.0]]), fleet, 0.0, 1.0, 2)
-    position, velocity = plan.state_at(0.5)
+    plan = braking_trajectory(np.zeros((1, 2)), np.array([[1.0, 0.0]]), fleet, 0.0, 1.0, 2)
+    position, velocity = plan.at(0.5)
     assert position[0, 0] == pytest.approx(0.5 + 0.5 * plan.input[0, 0, 0] * 0.25)
     assert velocity[0, 0] == pytest.approx(1.0 + 0.5 * plan.input[0, 0, 0])
-    assert plan.state_at(99.0)[1].tolist() == [[0.0, 0.0]]
-    assert resting_plan(np.ones((1, 2)), 2.0, 0.5, 3).end_time == pytest.approx(3.5)
+    assert plan.at(99.0)[1].tolist() == [[0.0, 0.0]]
+    assert Trajectory.at_rest(np.ones((1, 2)), 2.0, 0.5, 3).end_time == pytest.approx(3.5)

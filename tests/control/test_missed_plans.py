@@ -13,8 +13,8 @@ from test_receding_horizon import PERIOD, small_mission
 
 from mpc_cover.control.constraint_relaxation import longest_edge, strict_bounds
 from mpc_cover.control.receding_horizon import RecedingHorizon
-from mpc_cover.model.fallback_motion import plan_from_velocities
 from mpc_cover.model.motion import roll_out
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.scp import SCPResult
 from mpc_cover.service.run.simulate import simulate
 from mpc_cover.verification.check import check_trajectory
@@ -78,7 +78,7 @@ def test_a_better_plan_is_not_taken_when_whoever_misses_it_is_in_the_way(gap, ta
     start, still = mission.fleet.start, np.zeros((2, 2))
     slow = np.zeros((8, 2, 2))
     slow[:4, :, 0] = 0.25
-    law._whole = plan_from_velocities(start, still, slow, 0.0, PERIOD)
+    law._whole = Trajectory.from_velocities(start, still, slow, 0.0, PERIOD)
 
     def faster(velocity):
         return np.where(np.arange(len(velocity))[:, None, None] == 1, 2.5 * velocity, velocity)

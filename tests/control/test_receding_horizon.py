@@ -7,10 +7,10 @@ import time
 import numpy as np
 import pytest
 
+from mpc_cover.control.fallback_policy import PlanSource
 from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.errors import InvalidInputError, UserError
 from mpc_cover.mission.load import build_mission
-from mpc_cover.model.fallback_motion import PlanSource
 from mpc_cover.model.tube import tube_of
 from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
 from mpc_cover.planning.scp import SCPResult
@@ -39,7 +39,7 @@ def small_mission(horizon=8, **fleet):
 
 def holds(mission, plan, start):
     report = verify_motion(
-        mission.fleet, plan.time(), plan.position, plan.velocity, plan.input, at_rest=True, start=start
+        mission.fleet, plan.time, plan.position, plan.velocity, plan.input, at_rest=True, start=start
     )
     return report.holds
 
@@ -53,7 +53,7 @@ def fly(mission, law, limit=60, disturb=None):
     for k in range(limit):
         assert holds(mission, result.plan, (position, velocity))
         for part in (0.2, 0.4, 0.6, 0.8, 1.0):
-            law.coverage.observe((k + part) * PERIOD, result.plan.state_at((k + part) * PERIOD)[0])
+            law.coverage.observe((k + part) * PERIOD, result.plan.at((k + part) * PERIOD)[0])
         position, velocity = result.plan.position[1], result.plan.velocity[1]
         if disturb is not None:
             position = position + disturb(k)
@@ -111,13 +111,13 @@ def test_a_lost_agent_becomes_an_obstacle_and_the_other_finishes():
     for k in range(4, 120):
         result = law.step(position, velocity, k * PERIOD, deadline=None)
         report = verify_motion(
-            fleet, result.plan.time(), result.plan.position, result.plan.velocity, result.plan.input, at_rest=True
+            fleet, result.plan.time, result.plan.position, result.plan.velocity, result.plan.input, at_rest=True
         )
         assert report.holds, report.first_failure
         assert np.abs(result.plan.position[:, 0] - resting).max() == 0.0
         assert np.linalg.norm(result.plan.position[:, 1] - resting, axis=1).min() >= 0.5
         for part in (0.5, 1.0):
-            seen = result.plan.state_at((k + part) * PERIOD)[0].copy()
+            seen = result.plan.at((k + part) * PERIOD)[0].copy()
             seen[0] = np.nan
             law.coverage.observe((k + part) * PERIOD, seen)
         position, velocity = result.plan.position[1], result.plan.velocity[1]
@@ -210,7 +210,7 @@ def test_without_a_mission_plan_the_previous_plan_is_shifted_and_then_rest():
     law._planner = FailingPlanner(Candidate(plan, 1.0, feasible=False, kind="useless"))
     law._whole, thinking = None, False
     for k in range(1, 12):
-        start = plan.state_at(k * PERIOD)
+        start = plan.at(k * PERIOD)
         result = law.step(*start, k * PERIOD, deadline=None)
         assert result.plan_source is (PlanSource.REST if thinking else PlanSource.SHIFTED)
         thinking = law.wants_replan_at_rest

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mpc_cover.control.constraint_relaxation import attainable_bounds, longest_edge, relaxed, strict_bounds
 from mpc_cover.control.obstacle_trajectories import path_among
-from mpc_cover.model.fallback_motion import brake_plan
+from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.fleet_state import FleetState
 from mpc_cover.planning.initial_guess.rendezvous import out_of_range, rendezvous_plans
 
@@ -26,7 +26,7 @@ def fleet_at(start, lost=(), reach=4.0):
 def reunite(fleet, velocity):
     """Return the bounds that hold from the fleet's start with these velocities, and the first plan that keeps them."""
     start = FleetState(fleet.start, velocity, 3.0)
-    braking = path_among(brake_plan(fleet.start, velocity, fleet, 3.0, PERIOD, 8), {})
+    braking = path_among(braking_trajectory(fleet.start, velocity, fleet, 3.0, PERIOD, 8), {})
     state = (fleet.start, velocity)
     bounds = attainable_bounds(fleet, [braking], state)
     plans = rendezvous_plans(start, fleet, PERIOD)
@@ -46,7 +46,7 @@ def test_whoever_is_apart_meets_and_was_never_farther_apart_than_braking_leaves_
     bounds, plan = reunite(fleet, velocity)
     assert plan is not None
     path = path_among(plan, {})
-    braked = longest_edge(path_among(brake_plan(start, velocity, fleet, 3.0, PERIOD, 8), {}), fleet)
+    braked = longest_edge(path_among(braking_trajectory(start, velocity, fleet, 3.0, PERIOD, 8), {}), fleet)
     assert longest_edge(path, fleet) <= max(fleet.communication_range, braked) + 1e-5
     assert not out_of_range(plan.position[-1], fleet)
     assert bounds.fleet.communication_range <= max(fleet.communication_range, braked) + 1e-5
@@ -72,7 +72,7 @@ def test_a_fleet_in_touch_is_not_apart_and_the_lost_do_not_count():
 def rest_at(fleet, position=None, velocity=None):
     position = fleet.start if position is None else position
     velocity = np.zeros_like(position) if velocity is None else velocity
-    return path_among(brake_plan(position, velocity, fleet, 0.0, PERIOD, 4), {}), (position, velocity)
+    return path_among(braking_trajectory(position, velocity, fleet, 0.0, PERIOD, 4), {}), (position, velocity)
 
 
 def test_within_its_bounds_a_fleet_keeps_them():

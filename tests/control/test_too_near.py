@@ -8,7 +8,7 @@ from flights import fleet_of
 
 from mpc_cover.constraints.boundary import Ends
 from mpc_cover.control.constraint_relaxation import attainable_bounds
-from mpc_cover.model.fallback_motion import brake_plan
+from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.planning.ocp import OCP, Margins, requirements
 from mpc_cover.verification.path import Path
 
@@ -18,8 +18,8 @@ NEAR, ASKED = 0.3, 0.8
 def bounds_from(fleet):
     """Return what can be asked from a fleet's start at rest."""
     start = fleet.start, np.zeros_like(fleet.start)
-    plan = brake_plan(*start, fleet, 0.0, 0.5, 4)
-    path = Path(plan.time(), plan.position, plan.velocity, plan.input)
+    plan = braking_trajectory(*start, fleet, 0.0, 0.5, 4)
+    path = Path(plan.time, plan.position, plan.velocity, plan.input)
     return attainable_bounds(fleet, [path], start)
 
 

@@ -68,7 +68,7 @@ def test_from_rest_hops_cover_what_a_descent_leaves():
     """One agent of the thesis's Figure 3.3 from the guess at rest: the descent gets stuck."""
     task = offline_task(load_mission("configs/thesis/fig-3-3.yaml"))
     ocp = task.ocp(30)
-    x = ocp.exact_ends(task.flown(rest_guess(task.position), 30).decision)
+    x = ocp.decision_of(task.flown(rest_guess(task.position), 30))
     backend = make_backend("piqp")
     descent = optimise(ocp, x, backend)
     found = optimise_thoroughly(ocp, x, backend, rounds=4, seed=0)

@@ -6,7 +6,7 @@ import numpy as np
 from mission_kinds import mission_with
 
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.model.trajectory import resting_plan
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.task import Task
 
 
@@ -17,7 +17,7 @@ def test_a_cell_is_left_over_until_all_its_looks_are_taken():
     weight = np.full((1, field.size), 2.0)
     still = (fleet.start, np.zeros_like(fleet.start), 0.0, 0.5)
     task = Task(fleet, field.cell, weight, *still, looks=looks)
-    plan = resting_plan(fleet.start, 0.0, 0.5, 2)  # three samples
+    plan = Trajectory.at_rest(fleet.start, 0.0, 0.5, 2)  # three samples
     near = look_counts(fleet.start[None], field.cell, fleet.radius)
     left = task.owed_after(plan)
     np.testing.assert_array_equal(left, np.where(3 * near >= looks, 0.0, 2.0))

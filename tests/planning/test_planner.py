@@ -35,7 +35,7 @@ def small_task(agents=2, size=8, spacing=0.5):
 def holds(task, plan):
     report = verify_motion(
         task.fleet,
-        plan.time(),
+        plan.time,
         plan.position,
         plan.velocity,
         plan.input,

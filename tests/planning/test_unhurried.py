@@ -130,7 +130,7 @@ def test_a_slow_sweep_brings_all_looks_and_keeps_every_bound(velocity):
     assert best.kind.startswith("slow ")
     plan = best.plan
     assert (look_counts(plan.position, task.cell, task.fleet.radius) >= task.looks).all()
-    report = verify_motion(task.fleet, plan.time(), plan.position, plan.velocity, plan.input, at_rest=True)
+    report = verify_motion(task.fleet, plan.time, plan.position, plan.velocity, plan.input, at_rest=True)
     assert report.holds, str(report.first_failure)
     # no disc holds more than 16 of these cells
     assert plan.steps + 1 >= task.looks.sum() / (2 * 16)

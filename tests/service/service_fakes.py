@@ -11,7 +11,7 @@ from mpc_cover.clock import VirtualClock
 from mpc_cover.information.coverage_map import CoverageMap
 from mpc_cover.mission.load import Mission, build_mission
 from mpc_cover.model.motion import roll_out
-from mpc_cover.model.trajectory import Plan
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.service.agent.agent import Agent
 from mpc_cover.service.agent.recorder import MemoryRecorder
 from mpc_cover.service.agent.schedule import predict
@@ -29,7 +29,7 @@ class FakeRung(Enum):
 
 @dataclass(frozen=True)
 class FakeResult:
-    plan: Plan
+    plan: Trajectory
     plan_source: Enum = FakeRung.NEW
     reason: str = ""
     computing_time_s: float = 0.001
@@ -82,7 +82,7 @@ class SweepLaw:
         steps, period = self.mission.spec.control.horizon_steps, self.mission.spec.control.period_s
         force = np.stack([self._climb(q, v, steps, period) for q, v in zip(position, velocity, strict=True)], axis=1)
         positions, velocities = roll_out(position, velocity, force, period)
-        return FakeResult(Plan(start_time, period, positions, velocities, force))
+        return FakeResult(Trajectory.even(start_time, period, positions, velocities, force))
 
     def _climb(self, position, velocity, steps, period):
         """Accelerate for `up` steps, coast, then brake: the first of few such profiles that does not overshoot."""

@@ -217,7 +217,7 @@ def test_another_machine_has_another_clock(bench, send):
     bench.agents.remove(agent)
     bench.bus.join().publisher(bench.keys.plan("a2"), bus.PLAN).publish(encode(straight_plan(agent, 7.5)))
     agent.tick()
-    assert agent.schedule.queue[0].start_s == 7.5
+    assert agent.schedule.queue[0].motion.start_time == 7.5
 
 
 def test_the_record_ends_with_the_last_state(bench, agent, send):

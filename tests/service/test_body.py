@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from service_fakes import small_mission
 
 from mpc_cover.model.motion import roll_out
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.model.tube import tracking_of, tube_of
-from mpc_cover.service.agent.schedule import Flight, Plant, Schedule
+from mpc_cover.service.agent.schedule import Plant, Schedule, ScheduledPlan
 from mpc_cover.service.agent.vehicle import TrackingVehicle, UndisturbedVehicle, make_vehicle
 from mpc_cover.service.protocol.messages import PlanRef
 
@@ -18,7 +19,7 @@ WINDY = {"position_noise_m": 0.02, "input_noise_m_per_s2": 0.05, "wind_m_per_s2"
 def flight(start_s, position, forces, seq=0, velocity=(0.0, 0.0)):
     force = np.array(forces, dtype=float)
     q, v = roll_out(np.array([position], dtype=float), np.array([velocity], dtype=float), force[:, None], 0.5)
-    return Flight(PlanRef(1, seq), start_s, 0.5, q[:, 0], v[:, 0], force)
+    return ScheduledPlan(PlanRef(1, seq), Trajectory.even(start_s, 0.5, q[:, 0], v[:, 0], force))
 
 
 def there_and_back(start_s=1.0, push=0.4):
@@ -47,7 +48,7 @@ def test_without_disturbances_it_is_where_its_plans_are():
     flown = Flown({"delay_s": 0.2}, there_and_back())
     assert isinstance(flown.vehicle, UndisturbedVehicle)
     assert not flown.errors.any()
-    np.testing.assert_allclose(flown.vehicle.truth[0], there_and_back().position[-1], atol=1e-12)
+    np.testing.assert_allclose(flown.vehicle.truth[0], there_and_back().motion.position[-1], atol=1e-12)
 
 
 @settings(max_examples=15, deadline=None)
@@ -112,7 +113,7 @@ def test_a_plan_that_starts_where_a_straying_agent_is_moves_the_reference_there(
     vehicle.advance(3.0, schedule)
     assert vehicle.on_track
     vehicle.advance(6.0, schedule)
-    np.testing.assert_allclose(vehicle.truth[0], schedule.flown.position[-1], atol=2e-3)
+    np.testing.assert_allclose(vehicle.truth[0], schedule.flown.motion.position[-1], atol=2e-3)
 
 
 @pytest.mark.parametrize(("away", "faster"), [(0.7, 0.0), (0.0, 0.8)])

@@ -6,13 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpc_cover.model.motion import roll_out
-from mpc_cover.service.agent.schedule import STANDSTILL, Flight, Plant, Schedule, predict
+from mpc_cover.model.trajectory import Trajectory
+from mpc_cover.service.agent.schedule import STANDSTILL, Plant, Schedule, ScheduledPlan, predict
 from mpc_cover.service.protocol.messages import PlanRef
 
 
 def flight(start_s, force, *, period=0.5, position=(0.0, 0.0), velocity=(0.0, 0.0), seq=0):
     q, v = roll_out(np.array([position]), np.array([velocity]), np.array(force, dtype=float)[:, None], period)
-    return Flight(PlanRef(1, seq), start_s, period, q[:, 0], v[:, 0], np.array(force, dtype=float))
+    motion = Trajectory.even(start_s, period, q[:, 0], v[:, 0], np.array(force, dtype=float))
+    return ScheduledPlan(PlanRef(1, seq), motion)
 
 
 UP = flight(10.0, [[0.0, 1.0], [0.0, 0.0], [0.0, -1.0]])
@@ -27,10 +29,10 @@ def test_it_waits_flies_the_plan_exactly_and_rests():
     schedule = Schedule(1.0, queue=(UP,))
     for index in range(4):
         moving.advance(10.0 + 0.5 * index, schedule)
-        np.testing.assert_allclose(moving.position, UP.position[index], atol=1e-14)
-        np.testing.assert_allclose(moving.velocity, UP.velocity[index], atol=1e-14)
+        np.testing.assert_allclose(moving.position, UP.motion.position[index], atol=1e-14)
+        np.testing.assert_allclose(moving.velocity, UP.motion.velocity[index], atol=1e-14)
     moving.advance(1000.0, schedule)
-    np.testing.assert_allclose(moving.position, UP.position[-1], atol=1e-14)
+    np.testing.assert_allclose(moving.position, UP.motion.position[-1], atol=1e-14)
     assert not moving.velocity.any()
 
 
@@ -50,7 +52,7 @@ def test_the_pieces_in_which_it_moves_make_no_difference(instants):
 def test_the_planned_state_is_the_flown_one(instant):
     moving = plant()
     moving.advance(instant, Schedule(1.0, queue=(UP,)))
-    q, v = UP.state_at(instant)
+    q, v = UP.motion.at(instant)
     np.testing.assert_allclose(moving.position, q, atol=1e-7)
     np.testing.assert_allclose(moving.velocity, v, atol=1e-7)
 
@@ -70,12 +72,12 @@ def test_what_is_predicted_is_what_happens_and_nothing_has_changed(instant):
 def test_it_switches_exactly_at_the_start_of_the_newer_plan():
     moving, schedule = plant(), Schedule(1.0, queue=(UP,))
     moving.advance(10.3, schedule)
-    q, v = UP.position[1], UP.velocity[1]
+    q, v = UP.motion.position[1], UP.motion.velocity[1]
     newer = flight(10.5, [[0.0, -1.0], [0.0, 0.0]], position=tuple(q), velocity=tuple(v), seq=1)
     schedule.add(newer)
     assert schedule.queue == (newer,)
     moving.advance(12.0, schedule)
-    np.testing.assert_allclose(moving.position, newer.position[-1], atol=1e-14)
+    np.testing.assert_allclose(moving.position, newer.motion.position[-1], atol=1e-14)
     assert schedule.flown is newer
 
 

@@ -97,7 +97,7 @@ def test_a_hung_agent_is_lost_after_half_a_horizon_and_flies_its_plan_to_the_end
     bench.run(controller, until=steps_after(law))
     position, velocity = law.predicted[-1]
     known = last.queue[-1] if last.queue else last.flown
-    np.testing.assert_allclose(position[1], known.position[-1], atol=1e-9)
+    np.testing.assert_allclose(position[1], known.motion.position[-1], atol=1e-9)
     assert not velocity[1].any()
 
 
@@ -111,7 +111,7 @@ def test_a_broken_line_is_told_from_a_death_by_the_silence_before(bench, fleet, 
     bench.run(controller, until=lambda: law.lost)
     bench.run(controller, until=steps_after(law))
     known = cut.schedule.queue[-1] if cut.schedule.queue else cut.schedule.flown
-    np.testing.assert_allclose(law.predicted[-1][0][1], known.position[-1], atol=1e-9)
+    np.testing.assert_allclose(law.predicted[-1][0][1], known.motion.position[-1], atol=1e-9)
 
 
 def test_whoever_comes_back_shares_the_work_once_at_rest(bench, fleet, law, controller):

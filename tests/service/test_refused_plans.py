@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from service_fakes import Bench, small_mission, straight_plan
 
-from mpc_cover.model.fallback_motion import plan_from_velocities
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.service.controller.fleet_monitor import FleetMonitor
 from mpc_cover.service.controller.plan_publisher import PlanPublisher
 from mpc_cover.service.protocol import bus
@@ -24,7 +24,7 @@ def plan_from(start, up):
     """Return a plan of (m, d) positions at rest that goes up for a while [m/s], from 100.5 s on."""
     later = np.zeros((8, *start.shape))
     later[:4, :, 1] = up
-    return plan_from_velocities(start, np.zeros_like(start), later, 100.5, PERIOD)
+    return Trajectory.from_velocities(start, np.zeros_like(start), later, 100.5, PERIOD)
 
 
 def test_an_agent_tells_what_it_turned_away_until_it_takes_up_another(bench):

@@ -12,7 +12,7 @@ from mission_kinds import KINDS, SEVERAL, mission_with
 from rich.console import Console
 
 from mpc_cover.information.replay import measured_at
-from mpc_cover.trajectory_file import Trajectory
+from mpc_cover.trajectory_file import Recording
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.coverage_claim import first_measured
 from mpc_cover.verification.summary import summarise
@@ -27,8 +27,13 @@ def flight_of(information, **options):
     time = 0.1 * np.arange(len(force) + 1)
     position, velocity = propagate(mission.fleet.start, force, time)
     claim = measured_at(mission, time, position)
-    return Trajectory(
-        time, position, velocity, force, mission.field.cell, claim, mission.fleet.ids, mission, {"kind": "simulate"}
+    return Recording(
+        *(time, position, velocity, force),
+        cell=mission.field.cell,
+        covered_at=claim,
+        agent_id=mission.fleet.ids,
+        mission=mission,
+        meta={"kind": "simulate"},
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 from flights import covered_at, propagate
 
 from mpc_cover.mission.load import build_mission, load_mission
-from mpc_cover.trajectory_file import Trajectory
+from mpc_cover.trajectory_file import Recording
 from mpc_cover.verification.check import check_trajectory
 
 
@@ -26,8 +26,13 @@ def flight(lost, separation=0.5):
     force[6:, :2, 0] = 1.0
     position, velocity = propagate(mission.fleet.start, force, time)
     first = covered_at(time, position, mission)
-    return Trajectory(
-        time, position, velocity, force, mission.field.cell, first, mission.fleet.ids, mission, {"kind": "demo", **lost}
+    return Recording(
+        *(time, position, velocity, force),
+        cell=mission.field.cell,
+        covered_at=first,
+        agent_id=mission.fleet.ids,
+        mission=mission,
+        meta={"kind": "demo", **lost},
     )
 
 

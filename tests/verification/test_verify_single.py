@@ -7,7 +7,7 @@ import pytest
 from flights import covered_at, mission_of
 
 from mpc_cover.mission.load import load_mission
-from mpc_cover.trajectory_file import Trajectory
+from mpc_cover.trajectory_file import Recording
 from mpc_cover.verification.check import check_trajectory
 
 
@@ -23,8 +23,14 @@ def flight():
     position = np.concatenate([np.zeros((1, 3, 2)), np.cumsum(0.5 * velocity, axis=0)]) + mission.fleet.start
     velocity = np.concatenate([velocity, np.zeros((1, 3, 2))])
     covered = covered_at(time, position, mission)
-    arrays = (time, position, velocity, np.zeros((7, 3, 2)), mission.field.cell, covered)
-    return Trajectory(*arrays, agent_id=mission.fleet.ids, mission=mission, meta={"kind": "simulate"})
+    return Recording(
+        *(time, position, velocity, np.zeros((7, 3, 2))),
+        cell=mission.field.cell,
+        covered_at=covered,
+        agent_id=mission.fleet.ids,
+        mission=mission,
+        meta={"kind": "simulate"},
+    )
 
 
 def failures(trajectory):

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.model.motion import roll_out
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.budget import late
-from mpc_cover.planning.initial_guess.waypoint_tracking import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,7 +37,7 @@ _SEEN = 0.95
 """Part of the radius within which a cell counts as measured on the way."""
 
 
-def formation_flight(task: Task, deadline: float | None = None) -> Motion | None:
+def formation_flight(task: Task, deadline: float | None = None) -> Trajectory | None:
     """Return the motion of a fleet at rest as one body from cell to cell, to rest; None where that leads nowhere.
 
     Anytime: what was found by the deadline.
@@ -59,7 +59,8 @@ def formation_flight(task: Task, deadline: float | None = None) -> Motion | None
     moved = _moved(common, task.period)
     position = np.repeat(task.position[None], len(common), axis=0)
     position[:, active] += moved[:, None]
-    return Motion(position, velocity)
+    inputs = np.diff(velocity, axis=0) / task.period
+    return Trajectory.even(task.start_time, task.period, position, velocity, inputs)
 
 
 def _moved(velocity: FloatArray, period: float) -> FloatArray:

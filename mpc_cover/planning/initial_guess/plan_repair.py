@@ -17,14 +17,14 @@ from mpc_cover.planning.task import as_flown
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.fleet import Fleet
-    from mpc_cover.model.trajectory import Plan
+    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.task import Candidate, Task
 
 _EVERY = 2
 """Samples of the old plan from one waypoint to the next."""
 
 
-def repaired_plan(task: Task, old: Plan) -> Candidate:
+def repaired_plan(task: Task, old: Trajectory) -> Candidate:
     """Return the best candidate that flies the ways of an old plan from the task's start, then to what is left over.
 
     Each as fast as it can, or all as fast as the slowest: then they stay as near to each other as they were.
@@ -35,7 +35,7 @@ def repaired_plan(task: Task, old: Plan) -> Candidate:
     return min(found, key=lambda candidate: candidate.rank)
 
 
-def _with_the_rest(task: Task, old: Plan, fleet: Fleet) -> Candidate:
+def _with_the_rest(task: Task, old: Trajectory, fleet: Fleet) -> Candidate:
     """Fly the old ways with the limits of `fleet`, which are no wider than the task's own."""
     done = min(max(round((task.start_time - old.start_time) / task.period), 0), old.steps)
     ahead = np.concatenate([old.position[done:-1:_EVERY], old.position[-1:]])

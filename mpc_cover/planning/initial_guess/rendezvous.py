@@ -14,7 +14,8 @@ import numpy as np
 
 from mpc_cover.constraints.graph import fleet_trees
 from mpc_cover.constraints.pairs import all_pairs
-from mpc_cover.model.fallback_motion import brake, plan_from_velocities
+from mpc_cover.model.braking import braking_velocities
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.model.fleet_state import FleetState
-    from mpc_cover.model.trajectory import Plan
 
 NEAR = 0.8
 """Part of their range within which groups meet: they pass the range itself at full speed."""
@@ -39,7 +39,7 @@ def out_of_range(position: FloatArray, fleet: Fleet) -> bool:
     return bool((length[tree] > fleet.communication_range).any())
 
 
-def rendezvous_plans(start: FleetState, fleet: Fleet, period: float) -> Iterator[Plan]:
+def rendezvous_plans(start: FleetState, fleet: Fleet, period: float) -> Iterator[Trajectory]:
     """Yield plans on which all gaps close, the fastest kinds first; whoever is lost stays where it is.
 
     Nothing is promised about them: obstacles and other groups may be in the way, and velocities at the start may
@@ -131,13 +131,13 @@ def _ways(position: FloatArray, goal: FloatArray, aside: float) -> list[FloatArr
 
 def _flown(
     start: FleetState, paths: list[FloatArray], fleet: Fleet, group: IntArray, period: float, *, brake_first: bool
-) -> Plan:
+) -> Trajectory:
     """Return the plan along the ways: at once and everyone as fast as it can, or from rest and group by group."""
     if not brake_first:
         motion = track_waypoints(paths, start.position, start.velocity, fleet, period)
-        return start.plan(motion.velocity[1:], period)
-    braking = brake(start.velocity, fleet, period)
-    stopped = plan_from_velocities(start.position, start.velocity, braking, start.time, period).position[-1]
+        return start.trajectory(motion.velocity[1:], period)
+    braking = braking_velocities(start.velocity, fleet, period)
+    stopped = Trajectory.from_velocities(start.position, start.velocity, braking, start.time, period).position[-1]
     together = replace(
         fleet,
         speed_max=np.array([fleet.speed_max[group == own].min() for own in group]),
@@ -145,4 +145,4 @@ def _flown(
     )
     moved = [path + (rest - here) for path, rest, here in zip(paths, stopped, start.position, strict=True)]
     motion = track_waypoints(moved, stopped, np.zeros_like(start.velocity), together, period)
-    return start.plan(np.concatenate([braking, motion.velocity[1:]]), period)
+    return start.trajectory(np.concatenate([braking, motion.velocity[1:]]), period)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.planning.initial_guess.waypoint_tracking import Motion
+    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.task import Candidate, Task
     from solvers.backends.base import Backend
 
@@ -100,7 +100,7 @@ def _mended(task: Task, guess: Candidate, backend: Backend, deadline: float | No
     return best
 
 
-def _flown(task: Task, guess: Guess) -> Iterator[Motion]:
+def _flown(task: Task, guess: Guess) -> Iterator[Trajectory]:
     """Yield the motions of a guess, each timed for what the one before lacks."""
     assert task.looks is not None
     paths = [np.concatenate([here[None], path]) for here, path in zip(task.position, guess.paths, strict=True)]

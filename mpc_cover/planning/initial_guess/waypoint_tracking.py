@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from mpc_cover.model.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,24 +22,6 @@ _CATCH_UP = 0.5
 """Part of the way to where one should be that is made up for in a sample."""
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """A sampled motion: positions [m] and velocities [m/s], (N+1, m, d)."""
-
-    position: FloatArray
-    velocity: FloatArray
-
-    @property
-    def steps(self) -> int:
-        """Number of steps N."""
-        return int(self.velocity.shape[0]) - 1
-
-    @property
-    def decision(self) -> FloatArray:
-        """The SQP's decision vector: positions at sample 0 and all velocities, flat."""
-        return np.concatenate([self.position[0].ravel(), self.velocity.ravel()])
-
-
 def track_waypoints(
     paths: Sequence[FloatArray],
     position: FloatArray,
@@ -46,10 +29,11 @@ def track_waypoints(
     fleet: Fleet,
     period: float,
     *,
+    start_time: float = 0.0,
     steps: int | None = None,
     stop: bool = True,
     max_steps: int = 2000,
-) -> Motion:
+) -> Trajectory:
     """Fly each agent along its (W_i, d) waypoints [m] and come to rest at the last.
 
     With `steps` the motion has that many and is at rest at the end, arrived or not (unless `stop` is false);
@@ -87,13 +71,12 @@ def track_waypoints(
         q, v = q + period * v + 0.5 * period**2 * u, v + period * u
         qs.append(q)
         vs.append(v)
-    motion = Motion(np.array(qs), np.array(vs))
-    return motion if steps is not None else _stop(motion, force, period)
+    return _trajectory(qs, vs, None if steps is not None else force, start_time, period)
 
 
 def track_samples(
-    wanted: FloatArray, position: FloatArray, velocity: FloatArray, fleet: Fleet, period: float
-) -> Motion:
+    wanted: FloatArray, position: FloatArray, velocity: FloatArray, fleet: Fleet, period: float, start_time: float = 0.0
+) -> Trajectory:
     """Be where `wanted` (N+1, m, d) [m] says at its samples, as nearly as limits allow, and come to rest after them.
 
     Start as in `track_waypoints`. What is wanted is smoothed over a sample to either side.
@@ -110,7 +93,7 @@ def track_samples(
         q, v = q + period * v + 0.5 * period**2 * u, v + period * u
         qs.append(q)
         vs.append(v)
-    return _stop(Motion(np.array(qs), np.array(vs)), force, period)
+    return _trajectory(qs, vs, force, start_time, period)
 
 
 def _arrived(index: IntArray, ends: IntArray, distance: FloatArray, v: FloatArray, fleet: Fleet, period: float) -> bool:
@@ -169,19 +152,27 @@ def _in_time(v: FloatArray, u: FloatArray, force: FloatArray, period: float, lef
     return np.asarray((safe + np.clip(part, 0.0, 1.0)[:, None] * toward - v) / period)
 
 
-def _stop(motion: Motion, force: FloatArray, period: float) -> Motion:
-    """Append steps that bring everyone to rest."""
-    q, v = motion.position[-1], motion.velocity[-1]
-    qs, vs = [motion.position], [motion.velocity]
+def _trajectory(
+    position: list[FloatArray], velocity: list[FloatArray], force: FloatArray | None, start_time: float, period: float
+) -> Trajectory:
+    """Return the motion through samples; with `force` (m,) [m/s^2] to brake with, brought to rest after them."""
+    if force is not None:
+        _append_stop(position, velocity, force, period)
+    velocities = np.array(velocity)
+    return Trajectory.even(start_time, period, np.array(position), velocities, np.diff(velocities, axis=0) / period)
+
+
+def _append_stop(position: list[FloatArray], velocity: list[FloatArray], force: FloatArray, period: float) -> None:
+    """Append samples that bring everyone to rest."""
+    q, v = position[-1], velocity[-1]
     while np.abs(v).max() > 0.0:
         size = np.linalg.norm(v, axis=1)
         left = np.maximum(size - force * period, 0.0) / np.maximum(size, 1e-12)
         after = v * left[:, None]
         q = q + 0.5 * period * (v + after)
         v = after
-        qs.append(q[None])
-        vs.append(v[None])
-    return Motion(np.concatenate(qs), np.concatenate(vs))
+        position.append(q)
+        velocity.append(v)
 
 
 def _clipped(u: FloatArray, force: FloatArray) -> FloatArray:

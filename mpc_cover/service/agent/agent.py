@@ -7,8 +7,9 @@ import uuid
 from collections import Counter, deque
 from typing import TYPE_CHECKING
 
+from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.service.agent.plan_filter import Authority, check_content, check_start, check_time, limits_of
-from mpc_cover.service.agent.schedule import SNAP_S, Flight, Schedule, flight_of, predict
+from mpc_cover.service.agent.schedule import Schedule, ScheduledPlan, plan_in, predict
 from mpc_cover.service.agent.vehicle import make_vehicle
 from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.decoding import Reason, RejectedError, decode_plan
@@ -125,10 +126,10 @@ class Agent:
             message = decode_plan(item.payload, self._dimension)
             self._authority_check(message)
             self._refused = message.ref  # until it has passed the rest, too
-            flight = flight_of(message)
+            plan = plan_in(message)
             check_time(message, now)
-            check_content(flight, self._limits)
-            self._adopt(flight, now)
+            check_content(plan.motion, self._limits)
+            self._adopt(plan, now)
         except RejectedError as error:
             self._reject(error)
         else:
@@ -145,18 +146,18 @@ class Agent:
             raise RejectedError(Reason.WRONG_INSTANCE, f"for {message.instance}")
         self._authority.check(message)
 
-    def _adopt(self, flight: Flight, now: float) -> None:
+    def _adopt(self, plan: ScheduledPlan, now: float) -> None:
         """Queue a plan that starts where the agent will be then, or join one that is where the agent is now."""
-        meeting = max(flight.start_s, now)
+        meeting = max(plan.motion.start_time, now)
         others = Schedule(
             self.schedule.input_max,
             self.schedule.flown,
-            tuple(q for q in self.schedule.queue if q.start_s < flight.start_s - SNAP_S),
+            tuple(q for q in self.schedule.queue if q.motion.start_time < plan.motion.start_time - SNAP_S),
         )
-        planned = flight.state_at(meeting)
+        planned = plan.motion.at(meeting)
         if not self.vehicle.can_reach(*planned, meeting):
             check_start(planned, predict(self.plant, others, meeting))
-        self.schedule.add(flight)
+        self.schedule.add(plan)
 
     def _reject(self, error: RejectedError) -> None:
         self.rejected[error.reason] += 1
@@ -193,5 +194,5 @@ class Agent:
             self._states.publish(self._outbox.popleft()[1])
 
 
-def _ref(flight: Flight | None) -> PlanRef | None:
-    return flight.ref if flight else None
+def _ref(plan: ScheduledPlan | None) -> PlanRef | None:
+    return plan.ref if plan else None

@@ -19,7 +19,7 @@ from mpc_cover.service.protocol.decoding import Reason, RejectedError
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.agent.schedule import Flight
+    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.service.protocol.messages import PlanMessage
 
 LIMIT_TOLERANCE = 1e-6
@@ -70,7 +70,7 @@ class Authority:
         self.epoch, self.controller, self.seq = message.epoch, message.controller, message.seq
 
 
-def check_content(flight: Flight, limits: Limits) -> None:
+def check_content(plan: Trajectory, limits: Limits) -> None:
     """Check limits, fence, dynamics and rest.
 
     Raises
@@ -78,18 +78,18 @@ def check_content(flight: Flight, limits: Limits) -> None:
     RejectedError
         With the first reason found.
     """
-    _check_norm(flight.input, limits.input_max, "input")
-    _check_norm(flight.velocity, limits.speed_max, "speed")
-    outside = np.maximum(limits.motion_min - flight.position, flight.position - limits.motion_max).max()
+    _check_norm(plan.input, limits.input_max, "input")
+    _check_norm(plan.velocity, limits.speed_max, "speed")
+    outside = np.maximum(limits.motion_min - plan.position, plan.position - limits.motion_max).max()
     if outside > LIMIT_TOLERANCE:
         raise RejectedError(Reason.FENCE, f"{outside:.3g} m outside")
     position, velocity = roll_out(
-        flight.position[:1], flight.velocity[:1], flight.input[:, None, :], flight.period_s
+        plan.position[:1], plan.velocity[:1], plan.input[:, None, :], plan.period
     )  # one agent: (N+1, 1, d)
-    error = max(_gap(position[:, 0], flight.position), _gap(velocity[:, 0], flight.velocity))
+    error = max(_gap(position[:, 0], plan.position), _gap(velocity[:, 0], plan.velocity))
     if not error <= DYNAMICS_TOLERANCE:
         raise RejectedError(Reason.DYNAMICS, f"off by {error:.3g}")
-    speed = float(np.linalg.norm(flight.velocity[-1]))
+    speed = float(np.linalg.norm(plan.velocity[-1]))
     if speed > REST_TOLERANCE:
         raise RejectedError(Reason.NOT_AT_REST, f"{speed:.3g} m/s")
 

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.model.trajectory import SNAP_S, Trajectory
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.service.protocol.messages import PlanMessage, PlanRef, Samples
+    from mpc_cover.service.protocol.messages import PlanMessage, PlanRef
 
-SNAP_S = 1e-8
-"""Instants nearer than this are the same: a long-running monotonic clock has no more digits [s]."""
 STANDSTILL = 1e-9
 """Slower than this is standing still [m/s]."""
 START_TOLERANCE = 1e-3
@@ -25,63 +25,17 @@ START_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
-    """A plan in the clock of the agent that flies it.
-
-    Attributes
-    ----------
-    ref : which plan.
-    start_s, period_s : [s].
-    position, velocity : (N+1, d) [m], [m/s].
-    input : (N, d) [m/s^2], held constant over each period.
-    """
+class ScheduledPlan:
+    """A plan of one agent, in the clock of the agent that flies it, under the name by which it is reported."""
 
     ref: PlanRef
-    start_s: float
-    period_s: float
-    position: FloatArray
-    velocity: FloatArray
-    input: FloatArray
-
-    @property
-    def steps(self) -> int:
-        """Number of steps N."""
-        return int(self.input.shape[0])
-
-    @property
-    def end_s(self) -> float:
-        """When the plan ends, at rest [s]."""
-        return self.start_s + self.steps * self.period_s
-
-    def index(self, time_s: float) -> int:
-        """Return the step that is flown from `time_s` on; N or more after the end."""
-        return int(np.floor((time_s - self.start_s + SNAP_S) / self.period_s))
-
-    def state_at(self, time_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return the planned position and velocity (d,); the first before the start, the last after the end."""
-        index = self.index(time_s)
-        if index < 0 or index >= self.steps:
-            edge = 0 if index < 0 else -1
-            return self.position[edge], self.velocity[edge]
-        dt = time_s - (self.start_s + index * self.period_s)
-        force, velocity = self.input[index], self.velocity[index]
-        return self.position[index] + dt * velocity + 0.5 * dt**2 * force, velocity + dt * force
+    motion: Trajectory
 
 
-def flight_of(message: PlanMessage) -> Flight:
+def plan_in(message: PlanMessage) -> ScheduledPlan:
     """Return the plan in a message as arrays."""
-    return Flight(
-        message.ref,
-        message.start_s,
-        message.period_s,
-        _array(message.position),
-        _array(message.velocity),
-        _array(message.input),
-    )
-
-
-def _array(samples: Samples) -> FloatArray:
-    return np.array(samples, dtype=float)
+    arrays = (np.array(samples, dtype=float) for samples in (message.position, message.velocity, message.input))
+    return ScheduledPlan(message.ref, Trajectory.even(message.start_s, message.period_s, *arrays))
 
 
 @dataclass
@@ -92,28 +46,29 @@ class Schedule:
     """
 
     input_max: float
-    flown: Flight | None = None
-    queue: tuple[Flight, ...] = ()
+    flown: ScheduledPlan | None = None
+    queue: tuple[ScheduledPlan, ...] = ()
 
-    def add(self, flight: Flight) -> None:
+    def add(self, plan: ScheduledPlan) -> None:
         """Queue a newer plan; it takes the place of all that would start later."""
-        self.queue = (*(q for q in self.queue if q.start_s < flight.start_s - SNAP_S), flight)
+        self.queue = (*(q for q in self.queue if q.motion.start_time < plan.motion.start_time - SNAP_S), plan)
 
     def switch(self, time_s: float) -> None:
         """Take up the newest plan whose start has come."""
-        while self.queue and self.queue[0].start_s <= time_s + SNAP_S:
+        while self.queue and self.queue[0].motion.start_time <= time_s + SNAP_S:
             self.flown, self.queue = self.queue[0], self.queue[1:]
 
-    def flying(self, time_s: float) -> Flight | None:
+    def flying(self, time_s: float) -> ScheduledPlan | None:
         """Return the plan that still has inputs to play."""
-        return self.flown if self.flown is not None and self.flown.index(time_s) < self.flown.steps else None
+        flown = self.flown
+        return flown if flown is not None and flown.motion.index(time_s) < flown.motion.steps else None
 
     def hold(self, time_s: float, velocity: FloatArray) -> tuple[FloatArray, float]:
         """Return the input (d,) [m/s^2] to hold from `time_s` on, and until when [s]."""
-        limit = self.queue[0].start_s if self.queue else np.inf
-        if flight := self.flying(time_s):
-            index = flight.index(time_s)
-            return flight.input[index], min(flight.start_s + (index + 1) * flight.period_s, limit)
+        limit = self.queue[0].motion.start_time if self.queue else np.inf
+        if plan := self.flying(time_s):
+            index = plan.motion.index(time_s)
+            return plan.motion.input[index], min(float(plan.motion.time[index + 1]), limit)
         speed = float(np.linalg.norm(velocity))
         if speed > STANDSTILL:
             return -self.input_max / speed * velocity, min(time_s + speed / self.input_max, limit)
@@ -123,9 +78,9 @@ class Schedule:
         """Return whether it stands still and no plan has an input left that would move it."""
         if float(np.linalg.norm(velocity)) > STANDSTILL:
             return False
-        flight = self.flying(time_s)
-        left = [flight.input[max(0, flight.index(time_s)) :]] if flight else []
-        return not any(np.any(np.abs(force) > STANDSTILL) for force in (*left, *(q.input for q in self.queue)))
+        plan = self.flying(time_s)
+        left = [plan.motion.input[max(0, plan.motion.index(time_s)) :]] if plan else []
+        return not any(np.any(np.abs(force) > STANDSTILL) for force in (*left, *(q.motion.input for q in self.queue)))
 
 
 @dataclass
@@ -148,20 +103,20 @@ class Plant:
         while True:
             schedule.switch(self.time_s)
             self._take_up(schedule.flown)
-            flight = schedule.flying(self.time_s)
-            if flight is None and float(np.linalg.norm(self.velocity)) <= STANDSTILL:
+            plan = schedule.flying(self.time_s)
+            if plan is None and float(np.linalg.norm(self.velocity)) <= STANDSTILL:
                 self.velocity = np.zeros_like(self.velocity)
             if self.time_s >= until_s:
                 return
             force, end_s = schedule.hold(self.time_s, self.velocity)
-            self._move(min(end_s, until_s), force, flight)
+            self._move(min(end_s, until_s), force, plan)
 
-    def _take_up(self, flight: Flight | None) -> None:
+    def _take_up(self, plan: ScheduledPlan | None) -> None:
         """Go on from where it is: whoever flies a plan exactly has no choice."""
 
-    def _move(self, end_s: float, force: FloatArray, flight: Flight | None) -> None:
+    def _move(self, end_s: float, force: FloatArray, plan: ScheduledPlan | None) -> None:
         if self.log is not None:
-            self.log(self.time_s, self.position, self.velocity, force, flight.ref if flight else None)
+            self.log(self.time_s, self.position, self.velocity, force, plan.ref if plan else None)
         dt = end_s - self.time_s
         self.position = self.position + dt * self.velocity + 0.5 * dt**2 * force
         self.velocity = self.velocity + dt * force
@@ -175,13 +130,13 @@ class Reference(Plant):
     `flown` is the plan taken up last.
     """
 
-    flown: Flight | None = None
+    flown: ScheduledPlan | None = None
 
-    def _take_up(self, flight: Flight | None) -> None:
-        if flight is None or flight is self.flown:
+    def _take_up(self, plan: ScheduledPlan | None) -> None:
+        if plan is None or plan is self.flown:
             return
-        self.flown = flight
-        position, velocity = flight.state_at(self.time_s)
+        self.flown = plan
+        position, velocity = plan.motion.at(self.time_s)
         away = max(np.abs(position - self.position).max(), np.abs(velocity - self.velocity).max())
         if away > START_TOLERANCE:
             self.position, self.velocity = position.copy(), velocity.copy()

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from mpc_cover.model.disturbance import disturbs_motion, saturated, weather_of
+from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.model.tube import tracking_of
-from mpc_cover.service.agent.schedule import SNAP_S, START_TOLERANCE, Plant, Reference
+from mpc_cover.service.agent.schedule import START_TOLERANCE, Plant, Reference
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -189,13 +190,13 @@ class TrackingVehicle:
     def _move(self, end_s: float, force: FloatArray, schedule: Schedule) -> None:
         time_s = self.nominal.time_s
         dt = end_s - time_s
-        flight = schedule.flying(time_s)
+        plan = schedule.flying(time_s)
         total = np.zeros_like(force)
         if schedule.flown is not None:
             own = _limited(force + self._feedback, self._own_max)
             total = saturated(self._velocity, own + self._gust + self._weather.wind, dt, self._weather.speed_max)
         if self._log is not None:
-            self._log(time_s, self._position, self._velocity, total, flight.ref if flight else None)
+            self._log(time_s, self._position, self._velocity, total, plan.ref if plan else None)
         self._position = self._position + dt * self._velocity + 0.5 * dt**2 * total
         self._velocity = self._velocity + dt * total
         self.nominal.advance(end_s, schedule)

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.control.control_law import AvoidsObstacles, LimitsSpeed, ToleratesLosses
-from mpc_cover.control.obstacle_trajectories import ObstacleTrajectory
-from mpc_cover.service.agent.schedule import SNAP_S
+from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.service.controller.failure_detector import SILENT_PART, FailureDetector, FailureMode
 from mpc_cover.service.controller.plan_publisher import UnknownPlanError
 from mpc_cover.service.controller.speed_estimation import SpeedEstimator
 from mpc_cover.service.controller.state_prediction import StatePredictor, resting
-from mpc_cover.service.run.recording import motion_of
+from mpc_cover.service.run.recording import motion_of, rests_from
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.control.control_law import ControlLaw
     from mpc_cover.mission.load import Mission
+    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.service.agent.vehicle import MotionState
     from mpc_cover.service.controller.fleet_monitor import FleetMonitor
     from mpc_cover.service.controller.plan_publisher import PlanPublisher
@@ -128,7 +128,7 @@ class FleetSupervisor:
         if isinstance(self._law, AvoidsObstacles):
             obstacles = {index: self._course_of(index, origin_s) for index in self._detector.lost}
             self._law.set_obstacles(
-                {index: course for index, course in obstacles.items() if course and course.time[-1] > time_s - origin_s}
+                {index: course for index, course in obstacles.items() if course and course.end_time > time_s - origin_s}
             )
 
     def settled(self, now_s: float) -> bool:
@@ -163,7 +163,7 @@ class FleetSupervisor:
                 return resting(link.measured()[0])
         return resting(self._predictor.braked(index, link, end_s, self.fleet.token_went_s(link))[0])
 
-    def _course_of(self, index: int, origin_s: float) -> ObstacleTrajectory | None:
+    def _course_of(self, index: int, origin_s: float) -> Trajectory | None:
         """Return how someone lost comes to rest, in mission time; None when that is not known."""
         link = self.fleet.links[index]
         if link.state is None:
@@ -174,11 +174,8 @@ class FleetSupervisor:
             motion = motion_of(self._predictor.course(index, link, end_s, died_s).pieces)
         except UnknownPlanError:
             return None
-        rows = int(np.searchsorted(motion.time, motion.rests_from() + SNAP_S))
-        shift = link.offset - origin_s
-        return ObstacleTrajectory(
-            motion.time[:rows] + shift, motion.position[:rows], motion.velocity[:rows], motion.input[:rows]
-        )
+        last = int(np.searchsorted(motion.time, rests_from(motion) + SNAP_S)) - 1
+        return motion.slice(0, last).shift(link.offset - origin_s)
 
     def _who_is_missed(self, now_s: float) -> str:
         if self.fleet.reborn:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.service.agent.schedule import SNAP_S
+from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.events import EventLog
 from mpc_cover.service.protocol.keys import Keys

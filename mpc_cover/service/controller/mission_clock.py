@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from mpc_cover.service.agent.schedule import SNAP_S
+from mpc_cover.model.trajectory import SNAP_S
 
 if TYPE_CHECKING:
     from mpc_cover.clock import Clock

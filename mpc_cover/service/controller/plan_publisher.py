@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mpc_cover.service.agent.schedule import Flight, Schedule, flight_of
+from mpc_cover.service.agent.schedule import Schedule, ScheduledPlan, plan_in
 from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.keys import Keys
 from mpc_cover.service.protocol.messages import PlanMessage, PlanRef, encode
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Container
 
     from mpc_cover.mission.load import Mission
-    from mpc_cover.model.trajectory import Plan
+    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.service.controller.fleet_monitor import AgentLink
     from mpc_cover.service.protocol.bus import Transport
 
@@ -31,7 +31,7 @@ class UnknownPlanError(Exception):
 class Sent:
     """A plan sent, and when by the controller's clock [s]."""
 
-    flight: Flight
+    plan: ScheduledPlan
     sent_s: float
 
 
@@ -49,14 +49,14 @@ class PlanPublisher:
         self._seq = 0
 
     def send(
-        self, plan: Plan, links: list[AgentLink], origin_s: float, now_s: float, without: Container[int] = ()
+        self, plan: Trajectory, links: list[AgentLink], origin_s: float, now_s: float, without: Container[int] = ()
     ) -> None:
         """Send each agent its part of a plan; mission time 0 is at `origin_s` of the controller's clock."""
         for index, link in enumerate(links):
             if index in without:
                 continue
             message = self._cut(plan, index, link, origin_s)
-            self._sent[index].append(Sent(flight_of(message), now_s))
+            self._sent[index].append(Sent(plan_in(message), now_s))
             self._publishers[index].publish(encode(message))
         self._seq += 1
 
@@ -76,33 +76,33 @@ class PlanPublisher:
         schedule = Schedule(float(self._input_max[index]), self._find(index, link.state.plan))
         if queued := self._find(index, link.state.next_plan):
             schedule.add(queued)
-        for flight in self._unreported(index, link, {link.state.plan, link.state.next_plan}):
-            schedule.add(flight)
+        for plan in self._unreported(index, link, {link.state.plan, link.state.next_plan}):
+            schedule.add(plan)
         return schedule
 
-    def _unreported(self, index: int, link: AgentLink, reported: set[PlanRef | None]) -> list[Flight]:
+    def _unreported(self, index: int, link: AgentLink, reported: set[PlanRef | None]) -> list[ScheduledPlan]:
         """Return the plans sent since: agents look at their mail once a state period, so they may well have them.
 
         Not one that the agent says it turned away: what starts where that one leads is turned away as well.
         """
         assert link.state is not None
-        since: list[Flight] = []
+        since: list[ScheduledPlan] = []
         for sent in self._sent[index]:
-            if sent.flight.ref in reported:
+            if sent.plan.ref in reported:
                 since = []
-            elif link.measured_s() <= sent.sent_s + self._state_period and sent.flight.ref != link.state.refused:
-                since.append(sent.flight)
+            elif link.measured_s() <= sent.sent_s + self._state_period and sent.plan.ref != link.state.refused:
+                since.append(sent.plan)
         return since
 
-    def _find(self, index: int, ref: PlanRef | None) -> Flight | None:
+    def _find(self, index: int, ref: PlanRef | None) -> ScheduledPlan | None:
         if ref is None:
             return None
         for sent in self._sent[index]:
-            if sent.flight.ref == ref:
-                return sent.flight
+            if sent.plan.ref == ref:
+                return sent.plan
         raise UnknownPlanError(f"epoch {ref.epoch}, plan {ref.seq}")
 
-    def _cut(self, plan: Plan, index: int, link: AgentLink, origin_s: float) -> PlanMessage:
+    def _cut(self, plan: Trajectory, index: int, link: AgentLink, origin_s: float) -> PlanMessage:
         assert link.state is not None
         start_s = origin_s + plan.start_time - link.offset
         return PlanMessage(

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.model.disturbance import disturbs_motion, still_air
+from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.model.tube import tracking_of
 from mpc_cover.service.agent.recorder import MemoryRecorder
-from mpc_cover.service.agent.schedule import SNAP_S, START_TOLERANCE, Plant, Reference, Schedule, predict
+from mpc_cover.service.agent.schedule import START_TOLERANCE, Plant, Reference, Schedule, predict
 from mpc_cover.service.agent.vehicle import TrackingVehicle
 from mpc_cover.service.controller.plan_publisher import UnknownPlanError
 

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mpc_cover.errors import UnreadableFileError
 from mpc_cover.information.replay import measured_at
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.service.agent.recorder import MemoryRecorder
 from mpc_cover.service.agent.schedule import STANDSTILL, Plant, Schedule
-from mpc_cover.trajectory_file import Trajectory
+from mpc_cover.trajectory_file import Recording
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.agent.recorder import Piece
 
@@ -24,49 +24,28 @@ MERGE_S = 1e-7
 """Breakpoints of different agents nearer than this become one sample [s]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """One agent's record as arrays: (R,) [s]; (R, d) [m], [m/s], [m/s^2]; and whether a plan was flown (R,).
-
-    Row r holds from `time[r]` to `time[r + 1]`.
-    """
-
-    time: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    input: FloatArray
-    flown: BoolArray
-
-    def rows(self, time_s: FloatArray) -> Any:
-        """Return for each time the row that holds there."""
-        return np.clip(np.searchsorted(self.time, time_s, side="right") - 1, 0, len(self.time) - 1)
-
-    def state_at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return position and velocity (T, d) at times (T,): exact."""
-        row = self.rows(time_s)
-        dt = (time_s - self.time[row])[:, None]
-        force, velocity = self.input[row], self.velocity[row]
-        return self.position[row] + dt * velocity + 0.5 * dt**2 * force, velocity + dt * force
-
-    def rests_from(self) -> float:
-        """Return when the agent came to rest for good [s]; the end of its record if it never did."""
-        fast = (np.abs(self.velocity) > STANDSTILL).any(axis=1)
-        moving = np.flatnonzero(fast | (np.abs(self.input) > STANDSTILL).any(axis=1))
-        return float(self.time[min(moving[-1] + 1, len(self.time) - 1)] if moving.size else self.time[0])
-
-
-def motion_of(pieces: Sequence[Piece]) -> Motion:
-    """Return a record's arrays; pieces of no duration are left out."""
-    time = np.array([piece.time_s for piece in pieces])
-    keep = np.append(np.diff(time) > 0.0, True)
-    kept = [piece for piece, good in zip(pieces, keep, strict=True) if good]
-    return Motion(
-        time[keep],
+def motion_of(pieces: Sequence[Piece]) -> Trajectory:
+    """Return a record's motion; pieces of no duration are left out."""
+    kept = _lasting(pieces)
+    return Trajectory(
+        np.array([piece.time_s for piece in kept]),
         np.array([piece.position for piece in kept]),
         np.array([piece.velocity for piece in kept]),
-        np.array([piece.input for piece in kept]),
-        np.array([piece.plan is not None for piece in kept]),
+        np.array([piece.input for piece in kept])[:-1],
     )
+
+
+def rests_from(motion: Trajectory) -> float:
+    """Return when an agent came to rest for good [s]; the end of its record if it never did."""
+    fast = np.asarray((np.abs(motion.velocity) > STANDSTILL).any(axis=1))
+    fast[:-1] |= (np.abs(motion.input) > STANDSTILL).any(axis=1)
+    moving = np.flatnonzero(fast)
+    return float(motion.time[min(moving[-1] + 1, motion.steps)] if moving.size else motion.time[0])
+
+
+def _lasting(pieces: Sequence[Piece]) -> list[Piece]:
+    lasts = np.append(np.diff([piece.time_s for piece in pieces]) > 0.0, True)
+    return [piece for piece, good in zip(pieces, lasts, strict=True) if good]
 
 
 def outlived(pieces: Sequence[Piece], input_max: float, until_s: float) -> list[Piece]:
@@ -84,7 +63,7 @@ def outlived(pieces: Sequence[Piece], input_max: float, until_s: float) -> list[
 
 def merge(
     mission: Mission, records: Sequence[Sequence[Piece]], meta: dict[str, Any], died: Collection[str] = ()
-) -> Trajectory:
+) -> Recording:
     """Return the fleet's trajectory from the agents' records, in the order of the mission's agents.
 
     All records are of one clock. Time 0 is the start of the first plan that was flown; the record ends when
@@ -101,18 +80,19 @@ def merge(
         raise UnreadableFileError(f"no motion was recorded of {', '.join(lacking)}")
     whole, ends = _without_death(mission, records, died)
     motions = [motion_of(pieces) for pieces in whole]
-    first, last = _span(motions, to_the_end=mission.spec.looks_again)
+    flown = [piece.time_s for pieces in whole if (piece := _first_flown(pieces))]
+    first, last = _span(motions, flown, to_the_end=mission.spec.looks_again)
     if last - first <= MERGE_S:
         raise UnreadableFileError("the agents' records have no time in common")
     time = _instants(motions, first, last)
-    states = [motion.state_at(time) for motion in motions]
+    states = [motion.at(time, 0.0) for motion in motions]
     middle = 0.5 * (time[:-1] + time[1:])
     position = np.stack([q for q, _ in states], axis=1)
-    return Trajectory(
+    return Recording(
         time=time - first,
         position=position,
         velocity=np.stack([v for _, v in states], axis=1),
-        input=np.stack([motion.input[motion.rows(middle)] for motion in motions], axis=1),
+        input=np.stack([motion.input_at(middle, 0.0) for motion in motions], axis=1),
         cell=mission.field.cell,
         covered_at=measured_at(mission, time - first, position),
         agent_id=mission.fleet.ids,
@@ -134,16 +114,23 @@ def _without_death(
     return whole, {name: end_s for name, end_s in ends.items() if name in died}
 
 
-def _span(motions: Sequence[Motion], *, to_the_end: bool) -> tuple[float, float]:
-    """Return when the first plan started, and when everyone had come to rest for good, or the records end [s]."""
+def _first_flown(pieces: Sequence[Piece]) -> Piece | None:
+    """Return the piece with which an agent took up its first plan; None where it never did."""
+    return next((piece for piece in _lasting(pieces) if piece.plan is not None), None)
+
+
+def _span(motions: Sequence[Trajectory], flown: Sequence[float], *, to_the_end: bool) -> tuple[float, float]:
+    """Return when the flight began, and when everyone had come to rest for good, or the records end [s].
+
+    `flown` is when each agent took up its first plan [s].
+    """
     common = max(float(motion.time[0]) for motion in motions), min(float(motion.time[-1]) for motion in motions)
-    starts = [float(motion.time[np.argmax(motion.flown)]) for motion in motions if motion.flown.any()]
-    first = max(common[0], min(starts, default=common[0]))
-    rest = max(motion.rests_from() for motion in motions)
+    first = max(common[0], min(flown, default=common[0]))
+    rest = max(rests_from(motion) for motion in motions)
     return first, common[1] if to_the_end or rest <= first else min(common[1], rest)
 
 
-def _instants(motions: Sequence[Motion], first: float, last: float) -> FloatArray:
+def _instants(motions: Sequence[Trajectory], first: float, last: float) -> FloatArray:
     """Return every agent's breakpoints between first and last (T,) [s], both included."""
     inner = np.unique(np.concatenate([motion.time for motion in motions]))
     inner = inner[(inner > first + MERGE_S) & (inner < last - MERGE_S)]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
     from mpc_cover.verification.report import Report
     from mpc_cover.verification.summary import RunSummary
 
@@ -67,7 +67,7 @@ class RunFolder:
         """Return the log file of a process."""
         return self.path / "logs" / f"{name}.log"
 
-    def write(self, trajectory: Trajectory, step_times: FloatArray, extra: dict[str, Any]) -> RunSummary:
+    def write(self, trajectory: Recording, step_times: FloatArray, extra: dict[str, Any]) -> RunSummary:
         """Write trajectory, step times, summary and figures; return the summary.
 
         `step_times` is (S,) [s]; `extra` goes into summary.json.
@@ -92,7 +92,7 @@ class RunFolder:
         text = json.dumps(summary, indent=2, allow_nan=False)
         (self.path / "summary.json").write_text(text + "\n", encoding="utf-8")
 
-    def _draw(self, trajectory: Trajectory, step_times: FloatArray, report: Report) -> None:
+    def _draw(self, trajectory: Recording, step_times: FloatArray, report: Report) -> None:
         from mpc_cover.view.figures import draw_run  # noqa: PLC0415 - a second of matplotlib
 
         draw_run(trajectory, self.path, step_times, report)

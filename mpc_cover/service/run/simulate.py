@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mpc_cover.service.controller.step_log import Step
     from mpc_cover.service.protocol.messages import Status
     from mpc_cover.service.run.daemon import Participant
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Simulation:
     `outcome` says in words how it ended.
     """
 
-    trajectory: Trajectory
+    trajectory: Recording
     steps: list[Step]
     events: list[str]
     complete: bool

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.protocol.messages import Status
-    from mpc_cover.trajectory_file import Trajectory
+    from mpc_cover.trajectory_file import Recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class SwarmFlight:
     estimate_errors : root mean square by which each agent's own estimate of the field is off, by id; of Kalman maps.
     """
 
-    trajectory: Trajectory
+    trajectory: Recording
     events: list[str]
     complete: bool
     lost: tuple[str, ...]

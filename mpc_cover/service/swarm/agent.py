@@ -17,7 +17,8 @@ import numpy as np
 from mpc_cover.distributed.setup import check_flyable, make_agent
 from mpc_cover.information.build import true_field
 from mpc_cover.information.kalman import KalmanMap
-from mpc_cover.service.agent.schedule import SNAP_S, STANDSTILL
+from mpc_cover.model.trajectory import SNAP_S
+from mpc_cover.service.agent.schedule import STANDSTILL
 from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.events import EventLog
 from mpc_cover.service.protocol.keys import Keys

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from mpc_cover.distributed.double_integrator_filter import stopping_balls
-from mpc_cover.service.agent.schedule import Flight, Schedule
+from mpc_cover.model.trajectory import Trajectory
+from mpc_cover.service.agent.schedule import Schedule, ScheduledPlan
 from mpc_cover.service.agent.vehicle import make_vehicle
 from mpc_cover.service.protocol.messages import PlanRef
 
@@ -66,7 +67,7 @@ class DoubleIntegratorVehicle:
     def hold(self, start_s: float, command: FloatArray, number: int) -> None:
         """Hold a force (d,) [m/s^2] for a period, and brake after it unless told otherwise."""
         self._vehicle.advance(start_s, self._schedule)
-        self._schedule.add(self._flight(start_s, command, number))
+        self._schedule.add(self._plan(start_s, command, number))
         self._end_s = start_s + self._period
         self._vehicle.advance(self._end_s, self._schedule)
         self._mark()
@@ -74,11 +75,11 @@ class DoubleIntegratorVehicle:
     def close(self) -> None:
         """Brake, and end the record."""
         if self._schedule.flown is not None:
-            self._vehicle.advance(max(self._end_s, self._schedule.flown.end_s), self._schedule)
+            self._vehicle.advance(max(self._end_s, self._schedule.flown.motion.end_time), self._schedule)
         if self._recorder:
             self._recorder.close(self._vehicle.nominal.time_s, *self._vehicle.truth)
 
-    def _flight(self, start_s: float, force: FloatArray, number: int) -> Flight:
+    def _plan(self, start_s: float, force: FloatArray, number: int) -> ScheduledPlan:
         """Return a plan of the force held for a period, then of the constant force that brakes (`stopping_filter`)."""
         position, velocity = [self.state[0]], [self.state[1]]
         forces = [force]
@@ -91,7 +92,8 @@ class DoubleIntegratorVehicle:
             limit = np.array([self._limit])
             forces.append(stopping_balls(position[-1][None], velocity[-1][None], limit, self._period).force[0])
         ref = PlanRef(0, number)
-        return Flight(ref, start_s, self._period, np.array(position), np.array(velocity), np.array(forces))
+        motion = Trajectory.even(start_s, self._period, np.array(position), np.array(velocity), np.array(forces))
+        return ScheduledPlan(ref, motion)
 
     def _mark(self) -> None:
         if self._recorder:
