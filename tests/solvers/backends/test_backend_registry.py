@@ -56,7 +56,7 @@ def test_each_call_makes_a_new_one_with_its_clock() -> None:
 
 def test_no_library_is_imported_before_it_is_asked_for() -> None:
     script = (
-        "import sys, solvers.backends.registry as r, solvers.sqp, solvers.smooth_nlp\n"
+        "import sys, solvers.backends.registry as r, solvers.sqp\n"
         "list(r.BACKENDS), 'osqp' in r.BACKENDS\n"
         "assert not {'osqp', 'clarabel', 'piqp'} & set(sys.modules)\n"
         "r.make_backend('piqp')\n"
