@@ -164,7 +164,8 @@ def plan(
         bool, typer.Option("--min-time", help="Search for the shortest plan that covers everything.")
     ] = False,
     cones: Annotated[
-        str, typer.Option("--cones", help="Speeds, inputs, edges as polygons inside their discs, or exact (clarabel).")
+        str,
+        typer.Option("--cones", help="Speeds, inputs, edges as polygons inside their discs, or exact, by cones."),
     ] = "polygons",
     profile: Annotated[bool, typer.Option("--profile", help="Show where the time goes.")] = False,
     seed: Seed = 0,

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solvers.nlp import CorrectsSteps, LearnsFromSteps, Measure, RaisesPenalty
+from solvers.nlp import LearnsFromSteps, Measure
 from solvers.outcome import Iterate, Outcome, Result
 from solvers.qp import InvalidQPError
 from solvers.status import Status
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -182,27 +182,22 @@ class Iteration:
         return predicted <= self._options.optimality * max(1.0, abs(self._point.measure.objective)) * share
 
     def _settled(self, candidate: _Candidate, outcome: Outcome) -> tuple[Outcome | None, bool]:
-        """End at a stationary point of the merit, unless it is infeasible and the penalty can be raised."""
+        """End at a stationary point of the merit, which need not be feasible."""
         moved = self._decrease(candidate.point, candidate.weight) > 0.0
         if moved:
             self._take(candidate.point, candidate)
-        if self._point.measure.violation <= self._options.feasibility:
-            return outcome, moved
-        if isinstance(self._problem, RaisesPenalty) and self._problem.raise_penalty():
-            self._region = self._options.region
-            return None, moved
-        return Outcome.INFEASIBLE, moved
+        feasible = self._point.measure.violation <= self._options.feasibility
+        return (outcome if feasible else Outcome.INFEASIBLE), moved
 
     def _moved(self, candidate: _Candidate) -> bool:
-        """Take the full step, the corrected one or a shorter one, whichever first decreases the merit."""
+        """Take the full step or a shorter one, whichever first decreases the merit."""
         predicted, weight = candidate.predicted, candidate.weight
         enough = self._options.sufficient * predicted
         full, x = candidate.point, self._point.x
-        for point in self._full_steps(full):
-            if (decrease := self._decrease(point, weight)) >= enough:
-                self._region = self._region.accepted(decrease / predicted, candidate.step)
-                self._take(point, candidate)
-                return True
+        if (decrease := self._decrease(full, weight)) >= enough:
+            self._region = self._region.accepted(decrease / predicted, candidate.step)
+            self._take(full, candidate)
+            return True
         found = self._options.line_search.search(
             lambda length: self._measured(x + length * (full.x - x)),
             lambda point: self._decrease(point, weight),
@@ -215,12 +210,6 @@ class Iteration:
         self._region = self._region.resized(min(self._region.radius, length * candidate.step))
         self._take(point, candidate)
         return True
-
-    def _full_steps(self, full: _Point) -> Iterator[_Point]:
-        """Yield the full step, then the corrected one where the problem offers it."""
-        yield full
-        if isinstance(self._problem, CorrectsSteps):
-            yield self._measured(self._problem.corrected(self._point.x, full.x))
 
     def _take(self, point: _Point, candidate: _Candidate) -> None:
         """Make this the current point, and the best one if it is."""

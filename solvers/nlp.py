@@ -77,28 +77,10 @@ class Convexifiable(Protocol):
 
 @runtime_checkable
 class LearnsFromSteps(Protocol):
-    """A problem that wants to hear of accepted steps, say to update a quasi-Newton Hessian."""
+    """A problem that wants to hear of accepted steps, say to record them, or to update a quasi-Newton Hessian."""
 
     def accepted(
         self, x_old: NDArray[np.float64], x_new: NDArray[np.float64], multipliers: NDArray[np.float64]
     ) -> None:
         """Learn from a step; `multipliers` are those of the rows of the subproblem's A."""
-        ...
-
-
-@runtime_checkable
-class CorrectsSteps(Protocol):
-    """A problem that offers a second-order correction (against the Maratos effect)."""
-
-    def corrected(self, x: NDArray[np.float64], x_new: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `x_new` moved so as to satisfy the constraints better, to second order."""
-        ...
-
-
-@runtime_checkable
-class RaisesPenalty(Protocol):
-    """A problem whose constraints are elastic, with a weight that may turn out to be too small."""
-
-    def raise_penalty(self) -> bool:
-        """Raise the weight; return False when it is as high as it gets."""
         ...

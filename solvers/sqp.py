@@ -1,9 +1,8 @@
 """Sequential convex programming: the iteration of Appendix A, globalised, stoppable at any time.
 
 Each iteration solves the convex model of the problem around the last accepted point, within a trust
-region. A step that decreases the l1 merit (J + weight * penalty) enough is taken; otherwise a second-order
-correction is tried where the problem offers one, then shorter steps in the same direction, and then the
-region shrinks. Nocedal & Wright, Numerical Optimization, 2nd ed., sections 18.3 to 18.5.
+region. A step that decreases the l1 merit (J + weight * penalty) enough is taken; otherwise shorter steps in the
+same direction are tried, and then the region shrinks. Nocedal & Wright, Numerical Optimization, 2nd ed., section 18.5.
 
 Where every model keeps its points feasible (inner approximations) the penalty is zero and the objective
 decreases from iterate to iterate. Whenever it is stopped, the best point so far is handed back.

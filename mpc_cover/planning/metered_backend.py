@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from solvers.qp import QPSolution
 
 _ASSEMBLY_S = 1.0e-6
-"""Seconds that building a QP and judging its answer take, for each entry of its matrix."""
-_ITERATION_S = {"piqp": 6.8e-8, "clarabel": 1.6e-7, "osqp": 5.7e-9}
-"""Seconds that an iteration takes, for each entry. Measured on box-3's plan on two cores at 2.5 GHz or so."""
+"""Seconds that building a QP and judging its answer take, for each entry of its matrix.
+
+Measured on box-3's plan on two cores at 2.5 GHz or so; what iterations take is for the back-end to say."""
 
 
 class _Metered:
@@ -29,7 +29,7 @@ class _Metered:
         """Solve, see `Backend.solve`, and count what it cost."""
         endless = time_limit_s is None or math.isinf(time_limit_s)
         solution = self._inner.solve(None if endless else time_limit_s)
-        each_s = _ASSEMBLY_S + _ITERATION_S[self._inner.name] * solution.iterations
+        each_s = _ASSEMBLY_S + self._inner.capabilities.entry_iteration_s * solution.iterations
         self._meter.spent_s += each_s * self._inner.qp.A.nnz
         return solution
 

@@ -117,8 +117,10 @@ class Settings:
     """Cost of a metre of violated separation or connectivity, in cells times metres."""
     proximal: float = 1e-4
     """Weight of the distance to the iterate, which makes the QP strictly convex."""
+    stop_reach: float = 0.25
+    """Room to stop is looked after where less than this is to spare [m]: the rest is left to the next iterate."""
     exact_cones: bool = False
-    """Speeds, inputs and edges as second-order cones instead of polytopes; Clarabel has them."""
+    """Speeds, inputs and edges as second-order cones instead of polytopes, for back-ends that have them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
 from mpc_cover.trajectory_file import Recording
+from solvers.backends.registry import backends_with_cones
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,8 +52,10 @@ class PlanOptions:
 
     def __post_init__(self) -> None:
         """Raise `UserError` for cones that the back-end lacks."""
-        if self.exact_cones and self.backend != "clarabel":
-            raise UserError(f"--cones exact: {self.backend} has no second-order cones: use --backend clarabel")
+        if self.exact_cones and self.backend not in (able := backends_with_cones()):
+            raise UserError(
+                f"--cones exact: {self.backend} has no second-order cones: must be --backend {' or '.join(able)}"
+            )
 
 
 def plan_mission(

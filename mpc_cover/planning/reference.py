@@ -13,11 +13,13 @@ import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
+from mpc_cover.constraints.box_overshoot import box_overshoot_rows
 from mpc_cover.constraints.collision import collision_rows
 from mpc_cover.constraints.cones import edge_cones
 from mpc_cover.constraints.connectivity import connectivity_rows
 from mpc_cover.constraints.facets import inscribed, turned_normals
 from mpc_cover.constraints.pairs import all_pairs, pair_distances
+from mpc_cover.constraints.passive_safety import braking_encounters, passive_safety_rows, stop_instants
 from mpc_cover.constraints.rows import Layout
 from mpc_cover.coverage.majoriser import build_majoriser
 
@@ -71,6 +73,7 @@ def build_reference(ocp: OCP, settings: Settings, required: Requirements, x: Flo
     _add_bounds(found, ocp, bar_q, radius)
     _add_coverage(found, ocp, settings, bar_q, radius)
     _add_pairs(found, ocp, settings, required, (bar_q, bar_v), radius)
+    _add_room_to_stop(found, ocp, settings, (bar_q, bar_v), radius)
     for bar, now in ((bar_q, position), (bar_v, velocity)):
         change = cp.vstack([now[n] - bar[n] for n in range(ocp.steps + 1)])
         found.terms.append(0.5 * settings.proximal * cp.sum_squares(change))
@@ -166,11 +169,25 @@ def _add_pairs(
         _add_elastic(found, rows, settings.penalty)
 
 
+def _add_room_to_stop(
+    found: Reference, ocp: OCP, settings: Settings, motion: tuple[FloatArray, FloatArray], radius: float
+) -> None:
+    """Add elastic half-spaces for those who may have to brake: clear of one another, and inside the box."""
+    fleet, layout = ocp.fleet, Layout(ocp.steps, *ocp.fleet.start.shape)
+    if fleet.reaction == 0:
+        return
+    reach = min(2.0 * radius, settings.stop_reach)
+    for moment in stop_instants(fleet.reaction):
+        met = braking_encounters(*motion, ocp.period, fleet, moment, reach)
+        _add_elastic(found, passive_safety_rows(layout, *motion, ocp.period, fleet, met), settings.penalty)
+    _add_elastic(found, box_overshoot_rows(layout, *motion, fleet, reach, ocp.first), settings.penalty)
+
+
 def _add_elastic(found: Reference, rows: Rows, penalty: float) -> None:
     """Charge each group of rows that shares a slack for the largest excess among them."""
     if rows.count == 0 or rows.elastic is None:
         return
-    stacked = cp.hstack([cp.vec(q, order="C") for q in found.position])
+    stacked = cp.hstack([cp.vec(part, order="C") for part in (*found.position, *found.velocity)])
     normal = sp.csr_array((rows.value, (rows.row, rows.column)), shape=(rows.count, stacked.size))
     slack = cp.Variable(rows.slacks, nonneg=True)
     found.constraints.append(normal @ stacked - slack[rows.elastic] <= rows.upper)

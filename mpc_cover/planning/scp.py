@@ -35,12 +35,12 @@ MARGIN = 0.7
 """Sensing margin times beta; log 2 is what two equally near samples take off the minimum."""
 
 _SHARP = 30.0
-"""From this sharpness on QPs are solved to the finer of the tolerances."""
-_LOOSE, _FINE = 1e-3, {"osqp": 1e-3, "clarabel": 1e-4, "piqp": 1e-4}
-"""An inexact QP inside the SQP costs little: the roll-out is exact and the merit judges the step."""
+"""From this sharpness on QPs are solved to the fine tolerance of the back-end, before to the inexact one.
 
-_HARD, _ACCURATE = 300.0, {"osqp": 1e-5, "clarabel": 1e-9, "piqp": 1e-9}
-"""Sharpness and tolerance with which the last of all is settled."""
+An inexact QP inside the SQP costs little: the roll-out is exact and the merit judges the step."""
+
+_HARD = 300.0
+"""Sharpness with which the last of all is settled, by accurate QPs."""
 
 
 BRAKING_TOLERANCE = 0.01
@@ -122,7 +122,7 @@ def optimise(
     `iterations` bounds the QPs of a stage; `margin` is the sensing margin times beta; soft minima are over `count`
     samples; `fine` asks for accurate QPs in all stages, not only the last; `region` is the first trust radius in
     sensing radii; `deadline` is on `time.perf_counter`; `exact_cones` needs a back-end that has them.
-    BrakingEncounters early once everything is covered.
+    Stops early once everything is covered.
     """
     scale = length_scale(ocp)
     options = sqp.Options(
@@ -140,8 +140,8 @@ def optimise(
             break
         softness = softness_at(value, scale, margin=margin, count=count)
         problem = CoverageNLP(ocp, Settings(softness, exact_cones=exact_cones))
-        tolerance = _FINE[backend.name] if fine or value >= _SHARP else _LOOSE
-        staged = replace(options, qp=QPOptions(tolerance=tolerance))
+        able = backend.capabilities
+        staged = replace(options, qp=QPOptions(able.fine if fine or value >= _SHARP else able.inexact))
         result = sqp.solve(problem, current, backend, staged, deadline=deadline)
         stages.append(result)
         current = result.x
@@ -170,7 +170,7 @@ def optimise_without_margin(
         smallest_step=1e-12,
         region=TrustRegion(0.1 * scale, smallest=1e-6 * scale, largest=scale, shrink=0.4, grow=1.5),
         line_search=Backtracking(most=2),
-        qp=QPOptions(tolerance=_ACCURATE[backend.name]),
+        qp=QPOptions(tolerance=backend.capabilities.accurate),
     )
     result = sqp.solve(CoverageNLP(ocp, settings), best.x, backend, options, deadline=deadline)
     found = evaluate(ocp, result.x)

@@ -30,14 +30,11 @@ from solvers.qp import QP, SecondOrderCones
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.coverage.majoriser import Majoriser
+    from mpc_cover.mission.fleet import Fleet
     from mpc_cover.planning.ocp import OCP, Requirements, Settings
 
 _NEGLIGIBLE = 1e-6
 """Samples with a smaller share in a soft minimum are left out of its row: they only fill the factors."""
-
-
-_NEAR = 0.25
-"""Room to stop is looked after where less than this is to spare [m]: the rest is left to the next iterate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,9 +108,7 @@ def pair_rows(
     fleet = ocp.fleet
     if fleet.size == 1:
         return []
-    pairs = pair_distances(*motion, ocp.period)
-    one, two = all_pairs(fleet.size)
-    between = (fleet.input_max[one] + fleet.input_max[two]) * ocp.period**2 / 8.0
+    pairs, between = pair_distances(*motion, ocp.period), _off_the_chord(fleet, ocp.period)
     reach = 2.0 * radius * float(np.sqrt(layout.dimension))
     blocks = []
     if fleet.separation_min > 0.0:
@@ -127,9 +122,17 @@ def pair_rows(
     return blocks
 
 
-def stop_rows(ocp: OCP, layout: Layout, motion: tuple[FloatArray, FloatArray], radius: float) -> list[Rows]:
+def _off_the_chord(fleet: Fleet, period: float) -> FloatArray:
+    """Return (pairs,) what the distance of each pair may leave its chord by between samples, a_rel T_s^2 / 8 [m]."""
+    one, two = all_pairs(fleet.size)
+    return np.asarray((fleet.input_max[one] + fleet.input_max[two]) * period**2 / 8.0)
+
+
+def stop_rows(
+    ocp: OCP, settings: Settings, layout: Layout, motion: tuple[FloatArray, FloatArray], radius: float
+) -> list[Rows]:
     """Return the elastic rows that leave room to stop around a motion, where the fleet asks for it."""
-    fleet, near = ocp.fleet, min(2.0 * radius, _NEAR)
+    fleet, near = ocp.fleet, min(2.0 * radius, settings.stop_reach)
     if fleet.reaction == 0:
         return []
     met = [braking_encounters(*motion, ocp.period, fleet, moment, near) for moment in stop_instants(fleet.reaction)]
@@ -155,10 +158,9 @@ def motion_cones(
         input_cones(layout, shrink * fleet.input_max, ocp.period),
     ]
     if fleet.size > 1 and np.isfinite(fleet.communication_range):
-        pairs = pair_distances(*motion, ocp.period)
-        between = float(fleet.input_max.max()) * ocp.period**2 / 8.0
+        pairs, slack = pair_distances(*motion, ocp.period), 0.5 * float(_off_the_chord(fleet, ocp.period).max())
         reach = 2.0 * radius * float(np.sqrt(layout.dimension))
-        blocks.append(edge_cones(layout, pairs, required.range, between, reach, fleet, ocp.first))
+        blocks.append(edge_cones(layout, pairs, required.range, slack, reach, fleet, ocp.first))
     return blocks
 
 
@@ -174,7 +176,7 @@ def build_subproblem(ocp: OCP, settings: Settings, required: Requirements, x: Fl
     hard = motion_rows(ocp, settings, layout, velocity)
     hard += bound_rows(layout, position, box, radius, ocp.ends, ocp.fleet.lost)
     elastic = pair_rows(ocp, settings, required, layout, (position, velocity), radius)
-    elastic += stop_rows(ocp, layout, (position, velocity), radius)
+    elastic += stop_rows(ocp, settings, layout, (position, velocity), radius)
     soft, slacks = _number_slacks([terms.rows, *elastic], layout.size)
     cones = motion_cones(ocp, settings, required, layout, (position, velocity), radius)
     edge_slack, slacks = layout.size + slacks, slacks + sum(int((block.slack >= 0).sum()) for block in cones)

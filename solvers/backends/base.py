@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from solvers.backends.capabilities import Capabilities
+
 T = TypeVar("T")
 
 __all__ = ["Backend", "BackendStateError", "Options", "RawSolution"]
@@ -44,13 +46,15 @@ class BackendStateError(RuntimeError):
 class Backend(ABC):
     """One native QP solver holding one problem whose values, but not its pattern, may change.
 
+    Each class declares its `name` in the registry and its `capabilities`.
+
     Parameters
     ----------
     clock: monotonic seconds; handed in so that a test can replace it.
     """
 
     name: ClassVar[str]
-    supports_cones: ClassVar[bool] = False
+    capabilities: ClassVar[Capabilities]
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self._clock = clock
@@ -81,8 +85,8 @@ class Backend(ABC):
         """
         begun = self._clock()
         qp.validate()
-        if qp.cones is not None and not self.supports_cones:
-            raise InvalidQPError(f"cones: {self.name} has no second-order cones; use clarabel")
+        if qp.cones is not None and not self.capabilities.second_order_cones:
+            raise InvalidQPError(f"cones: {self.name} has no second-order cones")
         self._options = options or Options()
         self._qp = qp.own_copy()
         self._diagonal = np.flatnonzero(qp.P.indices == column_of_each_entry(qp.P))

@@ -19,6 +19,7 @@ import clarabel
 import numpy as np
 
 from solvers.backends.base import Backend, Options, RawSolution
+from solvers.backends.capabilities import Capabilities
 from solvers.backends.rows import EQUAL, LOWER, UPPER, Block, StackedRows, native_csc, row_kinds, stack_rows
 from solvers.status import Status
 
@@ -30,6 +31,11 @@ if TYPE_CHECKING:
     from solvers.qp import QP
 
 MAX_ITERATIONS = 200
+
+CAPABILITIES = Capabilities(second_order_cones=True, inexact=1e-3, fine=1e-4, accurate=1e-9, entry_iteration_s=1.6e-7)
+"""Measured as `capabilities` says. Mean J of the refined plans, by tolerance: 1e-2 5.27 m, 1e-3 5.12 m, 1e-4 4.98 m,
+1e-6 4.99 m; in 0.38, 0.86, 1.27, 1.57 s, where 1e-3 is for early stages only. All of 72 accurate QPs are solved to
+1e-10 yet, and 1e-9 takes no longer than 1e-6. An iteration takes 1.3e-7 to 2.0e-7 s an entry."""
 
 STATUS: Mapping[str, Status] = MappingProxyType(
     {
@@ -87,7 +93,7 @@ class ClarabelBackend(Backend):
     """Clarabel, single-threaded, with QDLDL. `warm_start` has no effect: an interior-point method has none."""
 
     name: ClassVar[str] = "clarabel"
-    supports_cones: ClassVar[bool] = True
+    capabilities: ClassVar[Capabilities] = CAPABILITIES
 
     _native: Any = None
     _layout: _Layout

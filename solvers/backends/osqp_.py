@@ -19,6 +19,7 @@ import numpy as np
 import osqp
 
 from solvers.backends.base import Backend, Options, RawSolution
+from solvers.backends.capabilities import Capabilities
 from solvers.backends.rows import native_csc
 from solvers.status import Status
 
@@ -31,6 +32,11 @@ if TYPE_CHECKING:
 
 MAX_ITERATIONS = 10_000
 NO_LIMIT_S = 1e10  # OSQP's own default
+
+CAPABILITIES = Capabilities(second_order_cones=False, inexact=1e-3, fine=1e-3, accurate=1e-5, entry_iteration_s=5.7e-9)
+"""Measured as `capabilities` says. Mean J of the refined plans, by tolerance: 1e-2 5.25 m, 1e-3 4.99 m, 1e-4 4.97 m,
+1e-6 4.98 m; in 0.36, 0.83, 1.34, 8.35 s. All of 65 accurate QPs are solved to 1e-5, 68 of 72 to 1e-6, in 1.5 and
+4.0 s. An iteration takes 4.7e-9 to 8.2e-9 s an entry."""
 
 STATUS: Mapping[str, Status] = MappingProxyType(
     {
@@ -60,6 +66,7 @@ class OSQPBackend(Backend):
     """OSQP with its direct, single-threaded linear solver (QDLDL)."""
 
     name: ClassVar[str] = "osqp"
+    capabilities: ClassVar[Capabilities] = CAPABILITIES
 
     _native: Any = None
     _native_limit_s = NO_LIMIT_S

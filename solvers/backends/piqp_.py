@@ -17,6 +17,7 @@ import numpy as np
 import piqp
 
 from solvers.backends.base import Backend, Options, RawSolution
+from solvers.backends.capabilities import Capabilities
 from solvers.backends.rows import EQUAL, Block, StackedRows, native_csc, row_kinds, stack_rows
 from solvers.status import Status
 
@@ -29,6 +30,11 @@ if TYPE_CHECKING:
     from solvers.qp import QP
 
 MAX_ITERATIONS = 250
+
+CAPABILITIES = Capabilities(second_order_cones=False, inexact=1e-3, fine=1e-4, accurate=1e-9, entry_iteration_s=6.8e-8)
+"""Measured as `capabilities` says. Mean J of the refined plans, by tolerance: 1e-2 5.31 m, 1e-3 5.16 m, 1e-4 4.97 m,
+1e-6 4.98 m; in 0.22, 0.37, 0.84, 0.94 s, where 1e-3 is for early stages only. All of 72 accurate QPs are solved to
+1e-10 yet, and 1e-9 takes no longer than 1e-6. An iteration takes 4.8e-8 to 1.0e-7 s an entry."""
 
 STATUS: Mapping[str, Status] = MappingProxyType(
     {
@@ -67,6 +73,7 @@ class PIQPBackend(Backend):
     """PIQP's sparse solver. `warm_start` has no effect: an interior-point method has none."""
 
     name: ClassVar[str] = "piqp"
+    capabilities: ClassVar[Capabilities] = CAPABILITIES
 
     _native: Any = None
     _layout: _Layout

@@ -45,12 +45,17 @@ class _Backends(Mapping[str, "type[Backend]"]):
 BACKENDS: Mapping[str, type[Backend]] = _Backends()
 
 
+def backends_with_cones() -> tuple[str, ...]:
+    """Return the names of the back-ends that take second-order cones; imports all of them."""
+    return tuple(name for name, backend in BACKENDS.items() if backend.capabilities.second_order_cones)
+
+
 def make_backend(name: str, clock: Callable[[], float] = time.perf_counter) -> Backend:
     """Return a new back-end.
 
     Raises
     ------
-    UnknownBackendError: for any other name than "osqp", "clarabel" and "piqp".
+    UnknownBackendError: for a name that is not in `BACKENDS`.
     """
     if name not in BACKENDS:
         raise UnknownBackendError(f"no back-end {name!r}; there are {', '.join(BACKENDS)}")

@@ -13,10 +13,14 @@ from hypothesis import strategies as st
 from motions import random_window, replace, settings
 
 from mpc_cover.coverage.majoriser import soft_minimum
+from mpc_cover.planning.budget import Meter
 from mpc_cover.planning.coverage_nlp import CoverageNLP
-from mpc_cover.planning.scp import FEASIBILITY, evaluate, optimise, softness_at
+from mpc_cover.planning.metered_backend import metered
+from mpc_cover.planning.scp import FEASIBILITY, evaluate, optimise, optimise_without_margin, softness_at
 from mpc_cover.verification.motion import verify_motion
 from solvers import sqp
+from solvers.backends.capabilities import Capabilities
+from solvers.backends.piqp_ import PIQPBackend
 from solvers.backends.registry import make_backend
 
 
@@ -53,6 +57,46 @@ def test_a_deadline_that_has_passed_returns_the_start():
     result = optimise(ocp, x, make_backend("piqp"), deadline=time.perf_counter() - 1.0)
     assert result.x.tolist() == x.tolist()
     assert result.stages == ()
+
+
+class Unheard(PIQPBackend):
+    """A back-end that no planner has heard of; it keeps the tolerances that it is asked for."""
+
+    name = "unheard"
+    capabilities = Capabilities(
+        second_order_cones=False, inexact=3e-3, fine=2e-4, accurate=1e-8, entry_iteration_s=2.5e-7
+    )
+
+    def __init__(self):
+        super().__init__()
+        self.asked = []
+
+    def load(self, qp, options=None):
+        self.asked.append(options.tolerance)
+        return super().load(qp, options)
+
+
+def test_tolerances_are_those_that_the_back_end_declares_whatever_its_name():
+    (ocp, x), backend = random_window(1), Unheard()
+    begun = optimise(ocp, x, backend, sharpness=(4.0,), iterations=2)
+    assert set(backend.asked) == {3e-3}
+    backend.asked.clear()
+    sharp = optimise(ocp, begun.x, backend, sharpness=(40.0,), iterations=2)
+    assert set(backend.asked) == {2e-4}
+    backend.asked.clear()
+    optimise_without_margin(ocp, sharp, backend)
+    assert set(backend.asked) == {1e-8}
+
+
+def test_work_is_counted_by_the_pace_that_the_back_end_declares():
+    (ocp, x), meters = random_window(1), (Meter(), Meter())
+    for backend, meter in zip((Unheard(), make_backend("piqp")), meters, strict=True):
+        model = CoverageNLP(ocp, settings()).convexify(x, 0.6)
+        counted = metered(backend, meter)
+        counted.setup(model.qp)
+        iterations = counted.solve().iterations
+    slower = Unheard.capabilities.entry_iteration_s - make_backend("piqp").capabilities.entry_iteration_s
+    assert meters[0].spent_s - meters[1].spent_s == pytest.approx(slower * iterations * model.qp.A.nnz)
 
 
 def test_the_margin_makes_up_for_the_soft_minimum_of_two_equally_near_samples():

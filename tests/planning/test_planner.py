@@ -19,7 +19,7 @@ from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.motion import verify_motion
-from solvers.backends.registry import make_backend
+from solvers.backends.registry import BACKENDS, backends_with_cones, make_backend
 
 
 def small_task(agents=2, size=8, spacing=0.5):
@@ -187,6 +187,15 @@ def test_offline_planning_says_what_is_wrong():
         build_mission(spec, "mission")
     with pytest.raises(UserError, match="clarabel"):
         Planner("gurobi")
+
+
+@pytest.mark.parametrize("name", BACKENDS)
+def test_exact_cones_are_for_back_ends_that_have_them_and_the_message_lists_those(name):
+    if name in backends_with_cones():
+        assert PlanOptions(name, exact_cones=True).exact_cones
+        return
+    with pytest.raises(UserError, match=f"{name} has no second-order cones.*{' or '.join(backends_with_cones())}"):
+        PlanOptions(name, exact_cones=True)
 
 
 def test_a_large_task_that_nothing_keeps_gets_an_answer_that_says_so():

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from solvers.smooth_nlp import Functions, SmoothNLP
+from smooth_nlp import Functions, SmoothNLP
 
 if TYPE_CHECKING:
     from collections.abc import Callable

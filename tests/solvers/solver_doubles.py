@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from solvers.backends.base import Backend, RawSolution
+from solvers.backends.capabilities import Capabilities
 from solvers.status import Status
 
 if TYPE_CHECKING:
@@ -35,6 +36,9 @@ class ScriptedBackend(Backend):
     """Each solve takes the next answer: a RawSolution, or an exception to raise; likewise each set-up."""
 
     name: ClassVar[str] = "scripted"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        second_order_cones=False, inexact=1e-3, fine=1e-4, accurate=1e-6, entry_iteration_s=1e-8
+    )
 
     def __init__(
         self,

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from solvers.quasi_newton import damped_bfgs, nearest_positive
+from quasi_newton import damped_bfgs, nearest_positive
 
 seeds = st.integers(0, 10_000)
 

@@ -4,18 +4,39 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from solver_doubles import FakeClock
 
-from solvers.backends.registry import BACKENDS, UnknownBackendError, make_backend
+from solvers.backends.capabilities import Capabilities
+from solvers.backends.registry import BACKENDS, UnknownBackendError, backends_with_cones, make_backend
 
 
 def test_names() -> None:
     assert list(BACKENDS) == ["osqp", "clarabel", "piqp"]
     assert len(BACKENDS) == 3
     assert all(BACKENDS[name].name == name for name in BACKENDS)
-    assert [name for name in BACKENDS if BACKENDS[name].supports_cones] == ["clarabel"]
+
+
+def test_capabilities_are_known_without_an_instance() -> None:
+    assert backends_with_cones() == ("clarabel",)
+    assert all(isinstance(BACKENDS[name].capabilities, Capabilities) for name in BACKENDS)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"fine": 1e-2}, "accurate <= fine <= inexact"),
+        ({"accurate": 0.0}, "accurate <= fine <= inexact"),
+        ({"inexact": np.nan}, "accurate <= fine <= inexact"),
+        ({"entry_iteration_s": 0.0}, "entry_iteration_s"),
+    ],
+)
+def test_capabilities_that_mean_nothing(change: dict, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        replace(BACKENDS["piqp"].capabilities, **change)
 
 
 def test_unknown_name_lists_the_known_ones() -> None:
@@ -35,7 +56,7 @@ def test_each_call_makes_a_new_one_with_its_clock() -> None:
 
 def test_no_library_is_imported_before_it_is_asked_for() -> None:
     script = (
-        "import sys, solvers.backends.registry as r, solvers.sqp, solvers.smooth_nlp\n"
+        "import sys, solvers.backends.registry as r, solvers.sqp\n"
         "list(r.BACKENDS), 'osqp' in r.BACKENDS\n"
         "assert not {'osqp', 'clarabel', 'piqp'} & set(sys.modules)\n"
         "r.make_backend('piqp')\n"

@@ -78,7 +78,7 @@ def test_infeasible_cone() -> None:
     assert backend.solve().status is Status.PRIMAL_INFEASIBLE
 
 
-@pytest.mark.parametrize("name", [name for name in BACKENDS if not BACKENDS[name].supports_cones])
+@pytest.mark.parametrize("name", [name for name in BACKENDS if not BACKENDS[name].capabilities.second_order_cones])
 def test_others_refuse_cones(name: str) -> None:
     with pytest.raises(InvalidQPError, match=f"{name} has no second-order cones"):
         make_backend(name).setup(disc([1.0, 0.0]))

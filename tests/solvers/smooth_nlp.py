@@ -18,18 +18,18 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 import scipy.sparse as sp
+from quasi_newton import damped_bfgs, nearest_positive
 
 from solvers.checks import column_of_each_entry
 from solvers.nlp import ConvexModel, Measure
 from solvers.qp import QP
-from solvers.quasi_newton import damped_bfgs, nearest_positive
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-LARGEST_WEIGHT = 1e8
+SUFFICIENT = 1e-4  # share of the predicted decrease that `solvers.sqp` asks for
 
 
 @dataclass(frozen=True)
@@ -118,12 +118,14 @@ class _Pattern:
 class SmoothNLP:
     """A small dense smooth programme, convexified for `solvers.sqp`.
 
+    Steps that do not decrease the merit are corrected to second order, against the Maratos effect.
+
     Parameters
     ----------
     functions: the callables.
     n: number of variables.
     lower, upper: (n,), bounds on x, None for none; every subproblem keeps to them.
-    weight: the first weight of the constraints' l1 penalty; raised when it proves too small.
+    weight: of the constraints' l1 penalty; must exceed the largest multiplier.
     """
 
     def __init__(
@@ -140,8 +142,8 @@ class SmoothNLP:
         self._upper = np.full(n, np.inf) if upper is None else upper
         if self._lower.shape != (n,) or self._upper.shape != (n,) or not (self._lower <= self._upper).all():
             raise ValueError(f"lower <= upper must be ({n},), got {self._lower} and {self._upper}")
-        if not 0.0 < weight <= LARGEST_WEIGHT:
-            raise ValueError(f"weight must be positive and at most {LARGEST_WEIGHT:g}, got {weight}")
+        if not 0.0 < weight < np.inf:
+            raise ValueError(f"weight must be positive and finite, got {weight}")
         self._weight = weight
         self._hessian: NDArray[np.float64] | None = None
         self._multipliers: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
@@ -171,7 +173,15 @@ class SmoothNLP:
             decrease = -(at.gradient @ p + 0.5 * p @ W @ p)
             return float(decrease + weight * (elastic - left - _penalty_outside(x + p, *bounds)))
 
-        return ConvexModel(qp, lambda qp_x: x + qp_x[:n], predicted, weight)
+        def recover(qp_x: NDArray[np.float64]) -> NDArray[np.float64]:
+            full = x + qp_x[:n]
+            enough = self.measure(x).merit(weight) - SUFFICIENT * predicted(qp_x)
+            if self.measure(full).merit(weight) <= enough:
+                return full
+            corrected = self.corrected(x, full)
+            return corrected if self.measure(corrected).merit(weight) <= enough else full
+
+        return ConvexModel(qp, recover, predicted, weight)
 
     def accepted(
         self, x_old: NDArray[np.float64], x_new: NDArray[np.float64], multipliers: NDArray[np.float64]
@@ -200,13 +210,6 @@ class SmoothNLP:
         further = np.linalg.lstsq(np.vstack((at.Jh, at.Jg[violated])), -residual, rcond=None)[0]
         result: NDArray[np.float64] = np.clip(x_new + further, self._lower, self._upper)
         return result
-
-    def raise_penalty(self) -> bool:
-        """Multiply the weight by ten; return False at `LARGEST_WEIGHT`."""
-        if self._weight >= LARGEST_WEIGHT:
-            return False
-        self._weight = min(10.0 * self._weight, LARGEST_WEIGHT)
-        return True
 
     def _constraints(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         f = self._functions
