@@ -115,14 +115,12 @@ def optimise(
     exact_cones: bool = False,
     margin: float = MARGIN,
     count: int = 6,
-    fine: bool = False,
 ) -> SCPResult:
     """Lower J from the decision vector `x`, stage by stage; anytime: the best feasible motion is returned.
 
     `iterations` bounds the QPs of a stage; `margin` is the sensing margin times beta; soft minima are over `count`
-    samples; `fine` asks for accurate QPs in all stages, not only the last; `region` is the first trust radius in
-    sensing radii; `deadline` is on `time.perf_counter`; `exact_cones` needs a back-end that has them.
-    BrakingEncounters early once everything is covered.
+    samples; `region` is the first trust radius in sensing radii; `deadline` is on `time.perf_counter`; `exact_cones`
+    needs a back-end that has them. Ends early once everything is covered.
     """
     scale = length_scale(ocp)
     options = sqp.Options(
@@ -140,7 +138,7 @@ def optimise(
             break
         softness = softness_at(value, scale, margin=margin, count=count)
         problem = CoverageNLP(ocp, Settings(softness, exact_cones=exact_cones))
-        tolerance = _FINE[backend.name] if fine or value >= _SHARP else _LOOSE
+        tolerance = _FINE[backend.name] if value >= _SHARP else _LOOSE
         staged = replace(options, qp=QPOptions(tolerance=tolerance))
         result = sqp.solve(problem, current, backend, staged, deadline=deadline)
         stages.append(result)
