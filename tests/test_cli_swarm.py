@@ -3,12 +3,15 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from tiny_mission import TINY
 
 from mpc_cover.distributed.setup import check_flyable
 from mpc_cover.mission.load import load_mission, shipped_missions
+from mpc_cover.studies.measure import coverage_curve
+from mpc_cover.trajectory_file import load_trajectory
 
 WIDE = {**TINY, "fleet": {**TINY["fleet"], "communication_range_m": 4.0}}
 
@@ -30,6 +33,18 @@ def test_simulate_without_a_controller(run):
     assert data["outcome"] == "everything is covered"
     assert data["messages"] > 0
     assert run("check", "r")[0] == 0
+
+
+def test_a_study_flies_the_potential_law_that_simulate_flies(run):
+    law = {"alpha": 2.5, "core_m": 0.2, "random_part": 0.2, "patience_s": 4.0, "repel_within_m": 1.2}
+    Path("own.yaml").write_text(yaml.safe_dump({**WIDE, "potential": law}))
+    run("simulate", "own.yaml", "--controller", "potential", "--seed", 0, "--out", "r")
+    run("study", "horizon", "own.yaml", "--controllers", "potential", "--starts", "mission", "--seeds", 1, "--out", "s")
+    (file,) = Path("s/runs").iterdir()
+    record, flown = json.loads(file.read_text()), load_trajectory("r/trajectory.npz")
+    assert record["curve_s"] == list(coverage_curve(flown.covered_at))
+    assert record["duration_s"] == flown.time[-1] - flown.time[0]
+    assert record["effort_m2_per_s3"] == float(np.diff(flown.time) @ (flown.input**2).sum(axis=(1, 2)))
 
 
 @pytest.mark.parametrize(

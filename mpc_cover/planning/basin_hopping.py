@@ -8,7 +8,6 @@ Doye, J. Phys. Chem. A 101, 1997) finds better ones at the price of a few descen
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,41 +39,6 @@ _WORTH_KICKING = 1.0
 """More than this many sensing radii of cost is no matter of a few cells."""
 
 
-def optimise_thoroughly(
-    ocp: OCP,
-    x: FloatArray,
-    backend: Backend,
-    *,
-    rounds: int | None,
-    seed: int = 0,
-    deadline: float | None = None,
-    exact_cones: bool = False,
-    told: Callable[[SCPResult], None] | None = None,
-) -> SCPResult:
-    """Lower J from the decision vector `x` until everything is covered, by descents and hops; anytime.
-
-    `rounds` bounds the hops, None for as many as there is time for (then give a `deadline`, on
-    `time.perf_counter`); `seed` is that of the shakes; `told` hears of each better motion.
-    """
-    refined = partial(optimise, backend=backend, deadline=deadline, exact_cones=exact_cones)
-    best = refined(ocp, x)
-    if not best.complete:
-        again = refined(ocp, x, fine=True)
-        best = again if is_better(again, best) else best
-    best = reweighted(ocp, best, backend, deadline=deadline, exact_cones=exact_cones)
-    return basin_hopping(
-        ocp,
-        best,
-        backend,
-        rounds=rounds,
-        guesses=(x,),
-        seed=seed,
-        deadline=deadline,
-        exact_cones=exact_cones,
-        told=told,
-    )
-
-
 def basin_hopping(
     ocp: OCP,
     best: SCPResult,
@@ -87,9 +51,11 @@ def basin_hopping(
     exact_cones: bool = False,
     told: Callable[[SCPResult], None] | None = None,
 ) -> SCPResult:
-    """Return the best of `best` and what its shaken relatives are refined to; arguments as above.
+    """Return the best of `best` and what its shaken relatives are refined to; anytime.
 
-    Every third relative is one of the `guesses` instead, in turn: the basin itself may be a bad one.
+    Every third relative is one of the `guesses` instead, in turn: the basin itself may be a bad one. `rounds` bounds
+    the hops, None for as many as there is time for (then give a `deadline`, on `time.perf_counter`); `seed` is that
+    of the shakes; `told` hears of each better motion.
     """
     rng = np.random.default_rng(seed)
     scale, stages, done = length_scale(ocp), best.stages, 0

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class CoverageNLP:
-    """One window with its settings; satisfies `solvers.nlp.Convexifiable`."""
+    """One window with its settings; satisfies `solvers.nlp.Convexifiable` and `LearnsFromSteps`."""
 
     def __init__(self, ocp: OCP, settings: Settings) -> None:
         self.ocp = ocp
@@ -50,6 +50,11 @@ class CoverageNLP:
     def convexify(self, x: FloatArray, radius: float) -> ConvexModel:
         """Return the QP around a decision vector; positions move by at most `radius` [m] along each axis."""
         return build_subproblem(self.ocp, self.settings, self.requirements, x, radius)
+
+    def accepted(self, x_old: FloatArray, x_new: FloatArray, multipliers: FloatArray) -> None:  # noqa: ARG002
+        """Tell whoever looks on of a step."""
+        if self.ocp.on_iterate is not None:
+            self.ocp.on_iterate(x_new)
 
     def _excess(self, position: FloatArray, velocity: FloatArray) -> list[FloatArray]:
         """Return by how much each constraint is exceeded [m, m/s, m/s^2], 0 where it holds."""

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from solvers.backends.base import Backend
 
 _EASY, _HARD = 0.92, 0.76
-"""SCPResult plans nearly always exist in the first part of the time in which a guess flies, and never in the second."""
+"""Refined plans nearly always exist in the first part of the time in which a guess flies, and never in the second."""
 _SCREENED = 6
 """So many guesses must have been compared before only the best kinds go on."""
 _SYSTEMATIC = 19

@@ -16,7 +16,7 @@ from mpc_cover.planning.scp import SHARPNESS, evaluate, length_scale, optimise
 from mpc_cover.planning.task import Candidate, Task, candidate_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.planning.scp import SCPResult
@@ -65,21 +65,20 @@ def multistart(
     search: Search | None = None,
     deadline: float | None = None,
     told: Told | None = None,
+    given: Mapping[str, FloatArray] | None = None,
 ) -> list[Candidate]:
     """Return plans of exactly `steps` samples, the best first, from several starts; anytime.
 
     The list holds what became of each start that was tried. `deadline` is on `time.perf_counter`; `told` hears
-    of the length and each better plan.
+    of the length and each better plan; `given` are decision vectors of `task.ocp(steps)` by name, which are started
+    from in place of guesses.
     """
     search = search or Search()
     tell = told or _nobody
     ocp = task.ocp(steps)
     screening = part_of(deadline, 0.5)
-    tried: list[tuple[Guess, FloatArray, SCPResult]] = []
-    for guess in islice(initial_guesses(task, search), max(search.starts, 1)):
-        if late(screening) and tried:
-            break
-        x = ocp.decision_of(task.flown(guess, steps))
+    tried: list[tuple[str, FloatArray, SCPResult]] = []
+    for kind, x in _starts(task, steps, search, screening) if given is None else given.items():
         coarse = optimise(
             ocp,
             x,
@@ -89,11 +88,11 @@ def multistart(
             deadline=deadline,
             exact_cones=search.exact_cones,
         )
-        tried.append((guess, x, coarse))
+        tried.append((kind, x, coarse))
         if coarse.complete:
             break
     tried.sort(key=lambda item: (not item[2].feasible, item[2].merit))
-    found = [candidate_of(task, steps, coarse, guess.kind) for guess, _, coarse in tried]
+    found = [candidate_of(task, steps, coarse, kind) for kind, _, coarse in tried]
     for finalist in tried[: search.finalists]:
         if min(found, key=lambda c: c.rank).complete or late(deadline):
             break
@@ -111,21 +110,21 @@ def _finished(
     task: Task,
     backend: Backend,
     steps: int,
-    finalist: tuple[Guess, FloatArray, SCPResult],
+    finalist: tuple[str, FloatArray, SCPResult],
     deadline: float | None,
     search: Search,
 ) -> Candidate:
     """Refine a finalist from where the coarse stages left it, then once more from the start."""
-    guess, x, coarse = finalist
+    kind, x, coarse = finalist
     ocp = task.ocp(steps)
     exact = search.exact_cones
     refined = partial(optimise, ocp, backend=backend, deadline=deadline, exact_cones=exact)
     fine = refined(x=coarse.x, sharpness=SHARPNESS[2:], iterations=8, region=0.5)
-    first = candidate_of(task, steps, fine, guess.kind)
+    first = candidate_of(task, steps, fine, kind)
     if first.complete or first.cost > _HOPELESS * length_scale(ocp) or late(deadline):
         return first
     again = refined(x=x)
-    return min(first, candidate_of(task, steps, again, guess.kind), key=lambda candidate: candidate.rank)
+    return min(first, candidate_of(task, steps, again, kind), key=lambda candidate: candidate.rank)
 
 
 def _hopped(
@@ -156,6 +155,15 @@ def _hopped(
         told=lambda refined: tell(steps, candidate_of(task, steps, refined, best.kind)),
     )
     return candidate_of(task, steps, found, best.kind)
+
+
+def _starts(task: Task, steps: int, search: Search, until: float | None) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the kinds and decision vectors of guesses as they fly, as many as are to be told apart by then."""
+    ocp = task.ocp(steps)
+    for number, guess in enumerate(islice(initial_guesses(task, search), max(search.starts, 1))):
+        if number and late(until):
+            return
+        yield guess.kind, ocp.decision_of(task.flown(guess, steps))
 
 
 def _nobody(steps: int, candidate: Candidate) -> None:

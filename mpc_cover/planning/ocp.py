@@ -12,6 +12,8 @@ from mpc_cover.constraints.pairs import pair_distances
 from mpc_cover.model.motion import roll_out
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.constraints.boundary import Ends
     from mpc_cover.coverage.majoriser import Softness
@@ -54,6 +56,7 @@ class OCP:
     period : T_s [s].
     ends : states at sample 0 and N that are given, (m, d) [m], [m/s].
     looks : (J, K) looks owed; None for one each.
+    on_iterate : told each decision vector that the SQP accepts, in whatever search; what it raises ends the search.
     """
 
     fleet: Fleet
@@ -63,6 +66,7 @@ class OCP:
     period: float
     ends: Ends
     looks: IntArray | None = None
+    on_iterate: Callable[[FloatArray], None] | None = None
 
     @property
     def first(self) -> int:

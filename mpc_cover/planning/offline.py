@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.task import Candidate
 
-_ROUNDS = 20
-"""Hops out of local minima, as long as something is left over and nobody limits the time."""
+SEARCH = Search(starts=10, finalists=3, rounds=20)
+"""What is searched unless something else is asked for; within a time limit the rounds go on until then."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class PlanOptions:
 
     backend: str = "piqp"
     seed: int = 0
-    starts: int = 10
+    starts: int = SEARCH.starts
     time_limit_s: float | None = None
     min_time: bool = False
     exact_cones: bool = False
@@ -74,13 +74,13 @@ def plan_mission(
     planner, task = Planner(options.backend), offline_task(mission)
     steps = round(mission.spec.planning.duration_s / task.period)
     deadline = None if options.time_limit_s is None else time.perf_counter() + options.time_limit_s
-    rounds = _ROUNDS if deadline is None else None
-    search = Search(options.starts, 3, seed=options.seed, rounds=rounds, exact_cones=options.exact_cones)
+    search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
     tell = _teller(task.period, told)
     if options.min_time:
-        found = planner.shortest(task, replace(search, rounds=_ROUNDS), deadline, tell)
+        found = planner.shortest(task, search, deadline, tell)
     else:
-        found = planner.fixed(task, steps, search, deadline, tell)
+        rounds = SEARCH.rounds if deadline is None else None
+        found = planner.fixed(task, steps, replace(search, rounds=rounds), deadline, tell)
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
     return _trajectory(mission, options, found)

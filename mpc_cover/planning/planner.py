@@ -20,7 +20,7 @@ from mpc_cover.planning.task import gentle, needs_laps
 from solvers.backends.registry import UnknownBackendError, make_backend
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.planning.ocp import OCP
@@ -91,9 +91,10 @@ class Planner:
         search: Search,
         deadline: float | None,
         told: Callable[[int, Candidate], None] | None = None,
+        given: Mapping[str, FloatArray] | None = None,
     ) -> Candidate:
-        """Plan exactly `steps` samples."""
-        return multistart(task, self._backend, steps, search, deadline, told)[0]
+        """Plan exactly `steps` samples; see `multistart`."""
+        return multistart(task, self._backend, steps, search, deadline, told, given)[0]
 
     def shortest(
         self, task: Task, search: Search, deadline: float | None, told: Callable[[int, Candidate], None] | None = None

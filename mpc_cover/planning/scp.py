@@ -115,14 +115,12 @@ def optimise(
     exact_cones: bool = False,
     margin: float = MARGIN,
     count: int = 6,
-    fine: bool = False,
 ) -> SCPResult:
     """Lower J from the decision vector `x`, stage by stage; anytime: the best feasible motion is returned.
 
     `iterations` bounds the QPs of a stage; `margin` is the sensing margin times beta; soft minima are over `count`
-    samples; `fine` asks for accurate QPs in all stages, not only the last; `region` is the first trust radius in
-    sensing radii; `deadline` is on `time.perf_counter`; `exact_cones` needs a back-end that has them.
-    Stops early once everything is covered.
+    samples; `region` is the first trust radius in sensing radii; `deadline` is on `time.perf_counter`; `exact_cones`
+    needs a back-end that has them. Ends early once everything is covered.
     """
     scale = length_scale(ocp)
     options = sqp.Options(
@@ -141,7 +139,7 @@ def optimise(
         softness = softness_at(value, scale, margin=margin, count=count)
         problem = CoverageNLP(ocp, Settings(softness, exact_cones=exact_cones))
         able = backend.capabilities
-        staged = replace(options, qp=QPOptions(able.fine if fine or value >= _SHARP else able.inexact))
+        staged = replace(options, qp=QPOptions(able.fine if value >= _SHARP else able.inexact))
         result = sqp.solve(problem, current, backend, staged, deadline=deadline)
         stages.append(result)
         current = result.x

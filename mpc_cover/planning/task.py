@@ -16,6 +16,8 @@ from mpc_cover.planning.ocp import OCP
 from mpc_cover.planning.scp import BRAKING_TOLERANCE, evaluate, merit
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.planning.initial_guess.boustrophedon import Guess
@@ -52,6 +54,7 @@ class Task:
     end : at "rest" anywhere, "free", "fixed" (at rest at `goal`), or "closed" (in the state of the start).
     goal : (m, d) [m], for a fixed end.
     looks : (J, K) looks owed; None for one each.
+    on_iterate : see `OCP`.
     """
 
     fleet: Fleet
@@ -65,6 +68,7 @@ class Task:
     end: Literal["rest", "free", "fixed", "closed"] = "rest"
     goal: FloatArray | None = None
     looks: IntArray | None = None
+    on_iterate: Callable[[FloatArray], None] | None = None
 
     @property
     def least_steps(self) -> int:
@@ -81,7 +85,7 @@ class Task:
             end_velocity=np.zeros_like(self.velocity) if self.end in {"rest", "fixed"} else None,
             closed=self.end == "closed",
         )
-        return OCP(self.fleet, self.cell, self.weight, steps, self.period, ends, self.looks)
+        return OCP(self.fleet, self.cell, self.weight, steps, self.period, ends, self.looks, self.on_iterate)
 
     def owed_after(self, plan: Trajectory) -> FloatArray:
         """Return the weights (J, K) of what a plan's samples leave over; of several looks owed, all are to be taken."""

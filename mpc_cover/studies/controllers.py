@@ -1,18 +1,28 @@
-"""Who can be compared: a name for each controller, and how it is made."""
+"""Who can be compared: a name for each controller, what it can fly, and how it is flown."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from mpc_cover.control.control_law import make_control_law
+from mpc_cover.control.control_law import make_control_law, require_double
+from mpc_cover.distributed.setup import check_flyable
 from mpc_cover.errors import UserError
+from mpc_cover.studies.flight import fly_by_controller, fly_without_controller
+from mpc_cover.studies.sweep import SweepLaw, without_coordination
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mpc_cover.control.control_law import ControlLaw
     from mpc_cover.mission.load import Mission
+    from mpc_cover.studies.flight import Flight
+
+BACKEND = "piqp"
+"""Named in the files of controllers that solve no QP."""
+
+
+def _itself(mission: Mission) -> Mission:
+    return mission
 
 
 @dataclass(frozen=True)
@@ -21,32 +31,48 @@ class Controller:
 
     Attributes
     ----------
-    make : takes the mission, a back-end's name and a seed.
+    fly : takes a mission as `flyable` returns it, a back-end's name and a seed.
+    check : raises `UserError` for such a mission, or a back-end's name, with which `fly` could not begin.
+    flyable : takes a mission and returns it as this controller can fly it: without the constraints that it does not
+        know of. The flight is judged by the whole mission all the same.
     plans_ahead : whether horizon and back-end matter to it; if not, it flies once for all of them.
     """
 
-    make: Callable[[Mission, str, int], ControlLaw]
+    fly: Callable[[Mission, str, int], Flight]
+    check: Callable[[Mission, str], object]
+    flyable: Callable[[Mission], Mission] = _itself
     plans_ahead: bool = False
 
 
-def _sweep(mission: Mission, backend: str, seed: int) -> ControlLaw:  # noqa: ARG001 - as all are made
-    from mpc_cover.studies.sweep import SweepLaw  # noqa: PLC0415 - each controller brings its own imports
-
-    law: ControlLaw = SweepLaw(mission)
-    return law
+def _fly_horizon(mission: Mission, backend: str, seed: int) -> Flight:
+    return fly_by_controller(mission, make_control_law(mission, backend, seed), backend, seed)
 
 
-def _potential(mission: Mission, backend: str, seed: int) -> ControlLaw:  # noqa: ARG001 - as all are made
-    from mpc_cover.studies.potential_flight import PotentialFleetLaw  # noqa: PLC0415 - likewise
+def _check_horizon(mission: Mission, backend: str) -> None:
+    make_control_law(mission, backend, seed=0)
 
-    law: ControlLaw = PotentialFleetLaw(mission, seed)
-    return law
+
+def _fly_sweep(mission: Mission, backend: str, seed: int) -> Flight:
+    return fly_by_controller(mission, SweepLaw(mission), backend, seed)
+
+
+def _check_sweep(mission: Mission, backend: str) -> None:  # noqa: ARG001 - as all are checked
+    require_double(mission)
+    SweepLaw(mission)
+
+
+def _fly_potential(mission: Mission, backend: str, seed: int) -> Flight:  # noqa: ARG001 - as all are flown
+    return fly_without_controller(mission, seed)
+
+
+def _check_potential(mission: Mission, backend: str) -> None:  # noqa: ARG001 - as all are checked
+    check_flyable(mission)
 
 
 CONTROLLERS = {
-    "mpc": Controller(make_control_law, plans_ahead=True),
-    "sweep": Controller(_sweep),
-    "potential": Controller(_potential),
+    "mpc": Controller(_fly_horizon, _check_horizon, plans_ahead=True),
+    "sweep": Controller(_fly_sweep, _check_sweep, flyable=without_coordination),
+    "potential": Controller(_fly_potential, _check_potential),
 }
 """mpc: the receding horizon. sweep: a static boustrophedon partition. potential: the thesis's distributed law."""
 
@@ -62,3 +88,24 @@ def controller_of(name: str) -> Controller:
     if name not in CONTROLLERS:
         raise UserError(f"--controllers {name}: is none: must be among {', '.join(CONTROLLERS)}")
     return CONTROLLERS[name]
+
+
+def run_flight(mission: Mission, controller: str, *, backend: str = BACKEND, seed: int = 0) -> Flight:
+    """Fly a mission by a controller of `CONTROLLERS`; its trajectory carries the whole mission.
+
+    The same mission, controller, back-end and seed give the same trajectory to the last bit.
+
+    Raises
+    ------
+    UserError
+        An unknown controller, or one that cannot fly this mission.
+    """
+    entry = controller_of(controller)
+    flight = entry.fly(entry.flyable(mission), backend, seed)
+    return replace(flight, trajectory=replace(flight.trajectory, mission=mission))
+
+
+def check_flight(mission: Mission, controller: str, *, backend: str = BACKEND) -> None:
+    """Find out before the flight what would keep `run_flight` from it; arguments and errors are the same."""
+    entry = controller_of(controller)
+    entry.check(entry.flyable(mission), backend)

@@ -11,8 +11,7 @@ from mpc_cover.errors import UserError
 from mpc_cover.mission.config import Disturbance
 from mpc_cover.mission.load import load_mission
 from mpc_cover.service.protocol.fingerprint import mission_hash
-from mpc_cover.studies.controllers import controller_of
-from mpc_cover.studies.measure import BACKEND
+from mpc_cover.studies.controllers import BACKEND, check_flight, controller_of
 from mpc_cover.studies.runs import Run
 from mpc_cover.studies.starts import random_starts
 from solvers.backends.registry import BACKENDS
@@ -76,7 +75,7 @@ def runs_of(grid: Grid) -> Work:
         raise UserError(f"MISSION: two of them are called {', '.join(twins)}: give each a name of its own")
     first = [run for mission in missions for run in _runs(grid, mission)]
     for run in first:
-        controller_of(run.controller).make(run.build(), run.backend or BACKEND, run.seed)
+        check_flight(run.build(), run.controller, backend=run.backend or BACKEND)
     if grid.starts == "random":
         for mission, seed in product(missions, range(1, grid.seeds)):
             random_starts(mission, seed)

@@ -69,7 +69,7 @@ class StudyResult:
 def run_study(
     grid: Grid,
     out: Path,
-    crew: Executor,
+    executor: Executor,
     console: Console,
     *,
     command: str,
@@ -79,9 +79,9 @@ def run_study(
 
     Parameters
     ----------
-    crew : who flies them; entered before anything is written.
+    executor : who flies them; entered before anything is written.
     command : what the report says it was made by.
-    fly : flies one run; must be importable where the crew works.
+    fly : flies one run; must be importable where the executor works.
 
     Raises
     ------
@@ -89,12 +89,12 @@ def run_study(
         Whatever would stop a run, or the results from being written; before the first run where it can be told.
     """
     work = runs_of(grid)
-    with crew as hands:
+    with executor as ready:
         folder = StudyFolder(out, work.fingerprints, command)
         folder.open()
         todo = [run for run in work.runs if run.key not in folder.finished]
         _announce(console, work.remarks, folder, len(work.runs), len(todo))
-        interrupted = _fly(hands, todo, folder, console, fly)
+        interrupted = _fly(ready, todo, folder, console, fly)
     groups = group(folder.records)
     files = [*write_report(groups, folder), *folder.write_tables()] if folder.records else []
     print_groups(groups, console)
@@ -116,12 +116,12 @@ def _announce(console: Console, remarks: Sequence[str], folder: StudyFolder, wan
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
-def _fly(crew: Executor, runs: Sequence[Run], folder: StudyFolder, console: Console, fly: Fly) -> bool:
+def _fly(executor: Executor, runs: Sequence[Run], folder: StudyFolder, console: Console, fly: Fly) -> bool:
     """Fly and keep; return whether Ctrl-C put an end to it."""
     if not runs:
         return False
     try:
-        with StudyProgress(console, len(runs)) as progress, closing(crew.fly(runs, fly)) as records:
+        with StudyProgress(console, len(runs)) as progress, closing(executor.fly(runs, fly)) as records:
             for record in records:
                 folder.keep(record)
                 progress.show(record)

@@ -9,22 +9,18 @@ import csv
 import io
 import json
 import time
-from collections import Counter
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from mpc_cover.distributed.setup import check_flyable
 from mpc_cover.errors import UserError
 from mpc_cover.mission.load import load_mission
-from mpc_cover.service.run.simulate import simulate
-from mpc_cover.service.run.swarm_simulate import fly_swarm
-from mpc_cover.studies.starts import random_starts
+from mpc_cover.studies.controllers import BACKEND, check_flight, controller_of, run_flight
+from mpc_cover.studies.measure import measured
+from mpc_cover.studies.runs import Run
 from mpc_cover.studies.thesis_study import in_parallel
-from mpc_cover.verification.check import check_trajectory
-from mpc_cover.verification.summary import summarise
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -34,11 +30,24 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from mpc_cover.mission.load import Mission
-    from mpc_cover.trajectory_file import Recording
 
 LAWS = {"mpc": "receding horizon", "potential": "potential law"}
-_TRAFFIC = ("state", "plan", "word")
-"""Keys on which what control needs is sent; status, maps for people and events are not counted."""
+"""Controllers of `studies.controllers`, and what tables call them."""
+_SHARED = (
+    "agents",
+    "complete",
+    "covered_percent",
+    "time_to_95_s",
+    "time_to_99_s",
+    "time_to_100_s",
+    "ratio_99",
+    "distance_m",
+    "effort_m2_per_s3",
+    "prepare_s",
+    "smallest_separation_m",
+    "violations",
+)
+"""Figures that are those of `studies.record.Record`."""
 
 
 class LawRun(msgspec.Struct, frozen=True, kw_only=True):
@@ -86,63 +95,23 @@ class LawsOptions:
     jobs: int = 1
 
 
-def fly_law(name: str, law: str, seed: int, starts: str, backend: str) -> LawRun:
+def fly_law(run: Run) -> LawRun:
     """Fly a mission once by one of the laws and measure it."""
-    mission = _mission(name, seed, starts)
-    traffic: Counter[str] = Counter()
-
-    def counted(key: str, payload: bytes) -> list[bytes]:
-        if key.rsplit("/", 1)[-1] in _TRAFFIC:
-            traffic.update(messages=1, bytes=len(payload))
-        return [payload]
-
     begun = time.perf_counter()
-    if law == "mpc":
-        flight = simulate(mission, backend=backend, seed=seed, channel=counted)
-        taken = np.array([step.tick_time_s for step in flight.steps if step.kind == "step"]) / mission.fleet.size
-        before = sum(step.tick_time_s for step in flight.steps if step.kind == "prepare")
-        flown, complete = flight.trajectory, flight.complete
-    else:
-        swarm = fly_swarm(mission, seed=seed, channel=counted)
-        taken, before = np.array([each for one in swarm.decide_s.values() for each in one]), 0.0
-        flown, complete = swarm.trajectory, swarm.complete
-    return _measured(mission, law, seed, flown, complete, traffic, 1e3 * taken, (before, time.perf_counter() - begun))
-
-
-def _measured(
-    mission: Mission,
-    law: str,
-    seed: int,
-    flown: Recording,
-    complete: bool,
-    traffic: Counter[str],
-    taken_ms: Any,
-    wall: tuple[float, float],
-) -> LawRun:
-    report = check_trajectory(flown)
-    summary = summarise(flown, report)
-    held = np.diff(flown.time)
+    flight = run_flight(run.build(), run.controller, backend=run.backend or BACKEND, seed=run.seed)
+    wall_s = time.perf_counter() - begun
+    found = measured(flight)
+    each_ms = 1e3 * flight.step_s / flight.agents_per_step
     return LawRun(
-        mission=mission.spec.name,
-        law=law,
-        seed=seed,
-        agents=mission.fleet.size,
-        complete=complete,
-        covered_percent=summary.covered_percent,
-        time_to_95_s=summary.time_to_95_s,
-        time_to_99_s=summary.time_to_99_s,
-        time_to_100_s=summary.time_to_100_s,
-        ratio_99=summary.ratio_to_bound,
-        distance_m=summary.distance_total_m,
-        effort_m2_per_s3=float(held @ (flown.input**2).sum(axis=(1, 2))),
-        messages=traffic["messages"],
-        bytes=traffic["bytes"],
-        compute_ms=float(taken_ms.mean()) if taken_ms.size else 0.0,
-        compute_p99_ms=float(np.percentile(taken_ms, 99)) if taken_ms.size else 0.0,
-        prepare_s=wall[0],
-        smallest_separation_m=summary.smallest_separation_m,
-        violations=len(report.failures),
-        wall_s=wall[1],
+        mission=run.name,
+        law=run.controller,
+        seed=run.seed,
+        messages=flight.messages,
+        bytes=flight.bytes,
+        compute_ms=float(each_ms.mean()) if each_ms.size else 0.0,
+        compute_p99_ms=float(np.percentile(each_ms, 99)) if each_ms.size else 0.0,
+        wall_s=wall_s,
+        **{name: found[name] for name in _SHARED},
     )
 
 
@@ -156,18 +125,16 @@ def run_laws(options: LawsOptions, out: Path | None, console: Console) -> list[L
     """
     if options.starts not in {"random", "mission"}:
         raise UserError(f"--starts {options.starts}: must be random or mission")
-    for name in options.missions:
-        _check(load_mission(name), name)
+    missions = [load_mission(name) for name in options.missions]
+    for mission, name in zip(missions, options.missions, strict=True):
+        _check(mission, name, options.backend)
     if out is not None:
         try:
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UserError(f"--out {out}: cannot be made: {error.strerror or error}") from None
     tasks = [
-        (name, law, seed, options.starts, options.backend)
-        for name in options.missions
-        for seed in range(options.seeds)
-        for law in LAWS
+        (_run_of(mission, law, seed, options),) for mission in missions for seed in range(options.seeds) for law in LAWS
     ]
     runs: list[LawRun] = []
     for run in in_parallel(fly_law, tasks, options.jobs):
@@ -177,8 +144,8 @@ def run_laws(options: LawsOptions, out: Path | None, console: Console) -> list[L
         )
         console.print(f"{said}, took {run.wall_s:.1f} s", highlight=False, markup=False, soft_wrap=True)
     runs.sort(key=lambda run: (run.mission, run.law, run.seed))
-    for mission in dict.fromkeys(run.mission for run in runs):
-        console.print(table_of(mission, [run for run in runs if run.mission == mission]))
+    for flown in dict.fromkeys(run.mission for run in runs):
+        console.print(table_of(flown, [run for run in runs if run.mission == flown]))
     if out is not None:
         _write(out, runs)
     return runs
@@ -219,23 +186,25 @@ _ROWS: list[tuple[str, Callable[[Sequence[LawRun]], str]]] = [
 ]
 
 
-def _mission(name: str, seed: int, starts: str) -> Mission:
-    mission = load_mission(name)
-    if starts == "mission":
-        return mission
-    start = random_starts(mission, seed)
-    agents = tuple(
-        agent.model_copy(update={"start_m": tuple(at.tolist())})
-        for agent, at in zip(mission.spec.fleet.agents, start, strict=True)
+def _run_of(mission: Mission, law: str, seed: int, options: LawsOptions) -> Run:
+    control, ahead = mission.spec.control, controller_of(law).plans_ahead
+    return Run(
+        name=mission.spec.name,
+        mission=mission.to_json(),
+        controller=law,
+        backend=options.backend if ahead else None,
+        horizon_steps=control.horizon_steps if ahead else None,
+        period_s=control.period_s,
+        seed=seed,
+        starts=options.starts,
     )
-    spec = mission.spec.model_copy(update={"fleet": mission.spec.fleet.model_copy(update={"agents": agents})})
-    return replace(mission, spec=spec, fleet=replace(mission.fleet, start=start))
 
 
-def _check(mission: Mission, name: str) -> None:
+def _check(mission: Mission, name: str, backend: str) -> None:
     if mission.spec.fleet.dynamics == "single":
         raise UserError(f"mission {name}: fleet.dynamics single: the laws are compared on double integrators")
-    check_flyable(mission)
+    for law in LAWS:
+        check_flight(mission, law, backend=backend)
 
 
 def _write(out: Path, runs: Sequence[LawRun]) -> None:

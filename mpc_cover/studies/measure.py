@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.coverage.objective import coverage_cost
-from mpc_cover.service.run.simulate import simulate
-from mpc_cover.studies.controllers import controller_of
+from mpc_cover.studies.controllers import BACKEND, run_flight
 from mpc_cover.studies.record import LEVELS, Record, versions
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.summary import summarise
@@ -18,25 +17,18 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.mission.load import Mission
-    from mpc_cover.service.run.simulate import Simulation
+    from mpc_cover.studies.flight import Flight
     from mpc_cover.studies.runs import Run
     from mpc_cover.trajectory_file import Recording
 
     Fly = Callable[[Run], Record]
-
-BACKEND = "piqp"
-"""Named in the files of controllers that have none."""
 
 
 def fly(run: Run) -> Record:
     """Fly a run and return its record; whatever goes wrong is in `error`, so that no study ends by one run."""
     begun = time.perf_counter()
     try:
-        mission = run.build()
-        law = controller_of(run.controller).make(mission, run.backend or BACKEND, run.seed)
-        result = simulate(mission, backend=run.backend or BACKEND, seed=run.seed, law=law)
-        found = measured(mission, result)
+        found = measured(run_flight(run.build(), run.controller, backend=run.backend or BACKEND, seed=run.seed))
     except Exception as error:  # noqa: BLE001 - it is reported with the others
         return failed(run, error, time.perf_counter() - begun)
     return Record(**_parameters(run), **found, versions=versions(), wall_s=time.perf_counter() - begun)
@@ -48,9 +40,9 @@ def failed(run: Run, error: BaseException, wall_s: float = 0.0) -> Record:
     return Record(**_parameters(run), versions=versions(), wall_s=wall_s, error=said)
 
 
-def measured(mission: Mission, result: Simulation) -> dict[str, Any]:
+def measured(flight: Flight) -> dict[str, Any]:
     """Return the figures of a flight, by the record's names."""
-    trajectory = result.trajectory
+    trajectory, mission = flight.trajectory, flight.trajectory.mission
     report = check_trajectory(trajectory)
     summary = summarise(trajectory, report, None)
     asked, closest = summary.separation_min_m, summary.smallest_separation_m
@@ -58,7 +50,7 @@ def measured(mission: Mission, result: Simulation) -> dict[str, Any]:
     return {
         "agents": mission.fleet.size,
         "cells": mission.field.size,
-        "complete": result.complete,
+        "complete": flight.complete,
         "covered_percent": summary.covered_percent,
         "time_to_90_s": summary.time_to_90_s,
         "time_to_95_s": summary.time_to_95_s,
@@ -76,7 +68,7 @@ def measured(mission: Mission, result: Simulation) -> dict[str, Any]:
         "violations": len(report.failures),
         "violated": "; ".join(f"{check.name} {check.margin:.3g} {check.unit}" for check in report.failures),
         "curve_s": coverage_curve(trajectory.covered_at),
-        **_steps(result, mission.spec.control.period_s),
+        **_steps(flight, mission.spec.control.period_s),
     }
 
 
@@ -100,20 +92,18 @@ def cost_left(trajectory: Recording) -> float:
     return coverage_cost(trajectory.position, mission.field.cell[owed], radius, weight, looks)
 
 
-def _steps(result: Simulation, period_s: float) -> dict[str, Any]:
+def _steps(flight: Flight, period_s: float) -> dict[str, Any]:
     """Return how long the steps took, and how many stood on a lower rung."""
-    steps = [step for step in result.steps if step.kind == "step"]
-    taken = 1e3 * np.array([step.tick_time_s for step in steps])
-    rungs = [step.plan_source for step in steps]
+    taken = 1e3 * flight.step_s
     found: dict[str, Any] = {
-        "steps": len(steps),
+        "steps": len(taken),
         "misses": int((taken > 1e3 * period_s).sum()),
-        "shifted": rungs.count("SHIFTED"),
-        "braked": rungs.count("BRAKE"),
-        "prepare_s": sum(step.tick_time_s for step in result.steps if step.kind == "prepare"),
+        "shifted": flight.plan_sources.count("SHIFTED"),
+        "braked": flight.plan_sources.count("BRAKE"),
+        "prepare_s": flight.prepare_s,
         "step_ms": tuple(round(float(ms), 3) for ms in taken),
     }
-    if steps:
+    if len(taken):
         p50, p99 = np.percentile(taken, (50, 99))
         found |= {"step_p50_ms": float(p50), "step_p99_ms": float(p99), "step_max_ms": float(taken.max())}
     return found

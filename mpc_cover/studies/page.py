@@ -32,7 +32,8 @@ _LEGEND = (
     "The bound is T_b = (A - m pi rho^2) / (2 rho v_max m), about which no plan can be faster. The margin is the "
     "smallest distance between two agents along the continuous path, less rho_B. Violations are checks of the "
     "independent verifier that fail, in so many runs. Step times are of the machines that flew the runs, several "
-    "at a time perhaps; a step is late when it takes longer than the period. The clock of a flight waits for the "
+    "at a time perhaps; without a controller a step is one agent's decision. A step is late when it takes longer than "
+    "the period. The clock of a flight waits for the "
     "controller: nothing is cut short, neither late steps nor the planning before the start (prepare_s in runs.csv)."
 )
 _CAPTIONS = {

@@ -20,14 +20,15 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     Attributes
     ----------
     key, mission, controller, backend, horizon_steps, period_s, seed, starts : the run's parameters, see `Run`.
-    complete : whether the controller found everything covered and everyone at rest, in time.
+    complete : whether the controller, or every agent without one, found everything covered and came to rest, in time.
     covered_percent, time_to_90_s, ... : from where the agents flew, rounded down; see `RunSummary`.
     swath_bound_s, ratio_99 : T_b, and time_to_99_s over it.
     cost_left_m : J (4.34) of the motion flown, 0 when all is covered.
     effort_m2_per_s3 : the sum over agents of the integral of |u|^2.
     separation_margin_m : smallest distance along the continuous path less rho_B.
     violations, violated : how many of the independent verifier's checks fail, and which, by how much.
-    step_p50_ms, ... : of the control steps, with prediction and dispatch; the planning before the start apart.
+    step_p50_ms, ... : of the control steps, with prediction and dispatch; of agents without a controller, of each
+        decision of each. The planning before the start is apart.
     misses : steps longer than the period.
     shifted, braked : steps whose plan was the previous one shifted, or the brake.
     wall_s : what the whole run took, verification included.

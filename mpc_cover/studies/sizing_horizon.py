@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.mission.load import build_mission
-from mpc_cover.service.run.simulate import simulate
-from mpc_cover.studies.fleet_sizing import SizingProblem, covered_fraction, measurement_rate, model_error
-from mpc_cover.studies.sizing_simulation import CoverageCurve, scenario_of
+from mpc_cover.studies.controllers import run_flight
+from mpc_cover.studies.fleet_sizing import SizingProblem, measurement_rate
+from mpc_cover.studies.sizing_simulation import CoverageCurve, curve_of, scenario_of
 
 if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
@@ -54,13 +54,5 @@ def sizing_mission(problem: SizingProblem, agents: int, seed: int) -> Mission:
 def horizon_curve(problem: SizingProblem, agents: int, seeds: range, duration_s: float) -> CoverageCurve:
     """Fly N agents by the receding horizon once for each seed and compare with the model over `duration_s` [s]."""
     time = np.arange(0.0, duration_s + _PERIOD_S, _PERIOD_S)
-    parts, rounds = [], []
-    for seed in seeds:
-        flight = simulate(sizing_mission(problem, agents, seed), seed=seed)
-        ordered = np.sort(flight.trajectory.covered_at)
-        parts.append(np.searchsorted(ordered, time + 1e-9, side="right") / ordered.size)
-        rounds.append(ordered[max(1, math.ceil(problem.cover * ordered.size - 1e-9)) - 1])
-    every = np.array(parts)
-    mean, spread = every.mean(axis=0), np.array([every.min(axis=0), every.max(axis=0)])
-    error = model_error(problem, agents, time, mean)
-    return CoverageCurve(agents, time, covered_fraction(problem, agents, time), mean, spread, np.array(rounds), error)
+    flights = [run_flight(sizing_mission(problem, agents, seed), "mpc", seed=seed) for seed in seeds]
+    return curve_of(problem, agents, time, [flight.trajectory.covered_at for flight in flights])

@@ -19,7 +19,7 @@ from mpc_cover.studies.swarm import run
 from mpc_cover.studies.swarm_parameters import LookInformation, Scenario, SwarmParameters
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from mpc_cover.arrays import FloatArray
 
@@ -78,12 +78,15 @@ def coverage_curve(problem: SizingProblem, agents: int, seeds: range, duration_s
     """
     longest = duration_s if duration_s is not None else 1.0 / measurement_rate(problem, agents)
     time = np.arange(0.0, longest + _PERIOD_S, _PERIOD_S)
-    parts, rounds = [], []
-    for seed in seeds:
-        record = run(scenario_of(problem, agents), seed)
-        parts.append(np.searchsorted(np.sort(record.covered_at), time + 1e-9, side="right") / record.covered_at.size)
-        rounds.append(record.time_to(problem.cover))
-    every = np.array(parts)
+    records = [run(scenario_of(problem, agents), seed) for seed in seeds]
+    return curve_of(problem, agents, time, [record.covered_at for record in records])
+
+
+def curve_of(problem: SizingProblem, agents: int, time: FloatArray, covered_at: Sequence[FloatArray]) -> CoverageCurve:
+    """Return the curve over (T,) times [s] of flights whose cells were covered at (K,) [s], inf for never."""
+    ordered = [np.sort(each) for each in covered_at]
+    every = np.array([np.searchsorted(each, time + 1e-9, side="right") / each.size for each in ordered])
+    rounds = [each[max(1, math.ceil(problem.cover * each.size - 1e-9)) - 1] for each in ordered]
     mean, spread = every.mean(axis=0), np.array([every.min(axis=0), every.max(axis=0)])
     model = covered_fraction(problem, agents, time)
     error = model_error(problem, agents, time, mean)

@@ -6,7 +6,8 @@ agent flies to and fro through its strip, lane by lane, as fast as waypoint foll
 limits; then it visits what was left over in its strip, always the nearest cell first.
 
 That is all. Nobody looks out for separation or connectivity: strips do not overlap, but the ways there may cross,
-and a fleet spread over strips may lose touch. The verifier counts that as it does for everyone.
+and a fleet spread over strips may lose touch. So it is flown on the mission `without_coordination`, as no plan
+of its would be sent otherwise, and judged by the whole mission: the verifier counts as it does for everyone.
 """
 
 from __future__ import annotations
@@ -19,18 +20,40 @@ import numpy as np
 
 from mpc_cover.control.fallback_policy import PlanSource
 from mpc_cover.information.build import make_map
+from mpc_cover.mission.load import build_mission
 from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.constraint_tightening import tightened
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.initial_guess.lanes import cut_lanes, snake, swath_of
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
-from mpc_cover.studies.outcome import Step, stepped
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
+    from mpc_cover.model.trajectory import Trajectory
+
+
+def without_coordination(mission: Mission) -> Mission:
+    """Return the mission as a law can fly it that heeds neither separation, nor connectivity, nor links."""
+    raw = mission.spec.model_dump(by_alias=True, exclude_none=True)
+    for bound in ("communication_range_m", "separation_min_m", "links"):
+        raw["fleet"].pop(bound, None)
+    for bound in ("repel_within_m", "attract_beyond_m"):
+        raw["potential"].pop(bound, None)
+    return build_mission(raw, f"mission {mission.spec.name} without coordination")
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What a step came out with; see `control.control_law.StepOutcome`."""
+
+    plan: Trajectory
+    plan_source: PlanSource
+    reason: str
+    computing_time_s: float
+    deadline_missed: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +76,10 @@ class SweepLaw:
     Parameters
     ----------
     mission : what to cover, with whom.
+
+    Attributes
+    ----------
+    strips : each agent's share; none before `prepare`.
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -63,14 +90,14 @@ class SweepLaw:
         braking = np.ceil((fleet.speed_max / (fleet.input_max * self._period)).max())
         self._steps = 2 * int(braking) + 2
         self.coverage: FlownMap = make_map(mission)
-        self._strips: list[Strip] = []
+        self.strips: list[Strip] = []
         self._passed: IntArray = np.zeros(fleet.size, dtype=np.intp)
 
     def prepare(self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None) -> Step:
         """Share out what is owed among agents at rest at (m, d) `position` [m], and start."""
         begun = time.perf_counter()
         shares = [self._cut(position, axis) for axis in range(position.shape[1])]
-        self._strips = min(shares, key=lambda strips: self._flight(strips, position, velocity))
+        self.strips = min(shares, key=lambda strips: self._flight(strips, position, velocity))
         self._passed = np.zeros(len(position), dtype=np.intp)
         return self._onward(begun, position, velocity, start_time, deadline)
 
@@ -89,15 +116,15 @@ class SweepLaw:
     ) -> Step:
         if self.coverage.complete:
             stop = braking_trajectory(position, velocity, self._fleet, start_time, self._period, self._steps)
-            return stepped(begun, deadline, stop, "all is covered", PlanSource.REST)
+            return _outcome(begun, deadline, stop, "all is covered", PlanSource.REST)
         paths = [self._ahead(agent, position[agent], velocity[agent]) for agent in range(len(position))]
         motion = track_waypoints(paths, position, velocity, self._fleet, self._period, steps=self._steps)
         plan = Trajectory.from_velocities(position, velocity, motion.velocity[1:], start_time, self._period)
-        return stepped(begun, deadline, plan, "sweeps")
+        return _outcome(begun, deadline, plan, "sweeps", PlanSource.NEW)
 
     def _ahead(self, agent: int, here: FloatArray, velocity: FloatArray) -> FloatArray:
         """Return an agent's waypoints: the rest of its lanes, else its nearest owed cell, else where it can stop."""
-        strip = self._strips[agent]
+        strip = self.strips[agent]
         while self._passed[agent] < len(strip.path):
             path = strip.path[self._passed[agent] :]
             if np.linalg.norm(path[0] - here) >= self._capture[agent]:
@@ -142,6 +169,12 @@ class SweepLaw:
         swath = swath_of(float(radius[np.isfinite(radius)].min()), float(fleet.speed_max[agent]), self._period)
         path = snake(cut_lanes(self._cell[cells], swath, axis), here)
         return np.asarray(np.clip(path, fleet.motion_min, fleet.motion_max))
+
+
+def _outcome(begun: float, deadline: float | None, plan: Trajectory, reason: str, plan_source: PlanSource) -> Step:
+    """Return the step that began at `begun` on `time.perf_counter`, as `deadline` is."""
+    now = time.perf_counter()
+    return Step(plan, plan_source, reason, now - begun, deadline is not None and now > deadline)
 
 
 def _off_the_walls(fleet: Fleet, period: float) -> Fleet:

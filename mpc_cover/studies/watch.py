@@ -35,7 +35,7 @@ class Answer:
     Attributes
     ----------
     x : its last decision vector; the best iterate it showed may be better.
-    iterations : in the peer's own counting (QPs, or interior-point steps).
+    iterations : in the peer's own counting (steps of its SQP, or of its interior-point method).
     status : its own words for why it ended.
     time_s : on its stop-watch.
     """

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from motions import random_window
 
 from mpc_cover.mission.load import load_mission
-from mpc_cover.planning.basin_hopping import basin_hopping, optimise_thoroughly, perturbed, reweighted
+from mpc_cover.planning.basin_hopping import basin_hopping, perturbed, reweighted
 from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
+from mpc_cover.planning.multistart import Search, multistart
 from mpc_cover.planning.offline import offline_task
 from mpc_cover.planning.scp import evaluate, optimise
 from mpc_cover.verification.motion import verify_motion
@@ -71,7 +72,8 @@ def test_from_rest_hops_cover_what_a_descent_leaves():
     x = ocp.decision_of(task.flown(rest_guess(task.position), 30))
     backend = make_backend("piqp")
     descent = optimise(ocp, x, backend)
-    found = optimise_thoroughly(ocp, x, backend, rounds=4, seed=0)
+    found = multistart(task, backend, 30, Search(rounds=4), given={"still": x})[0]
+    assert found.kind == "still"
     assert descent.cost > 0.0
     assert found.feasible
     assert found.cost < 0.9 * descent.cost

@@ -86,6 +86,32 @@ def test_what_is_too_short_for_everything_is_still_feasible_and_best_effort():
     assert holds(task, found.plan)
 
 
+def test_a_start_that_is_given_takes_the_way_of_a_guess():
+    task, backend, alone = small_task(), make_backend("piqp"), Search(starts=1, finalists=1, rounds=2)
+    guess = next(initial_guesses(task, alone))
+    x = task.ocp(12).exact_ends(task.flown(guess, 12).decision)
+    own, given = (multistart(task, backend, 12, alone, given=start) for start in (None, {"mine": x}))
+    assert [one.plan.velocity.tobytes() for one in own] == [one.plan.velocity.tobytes() for one in given]
+    assert {one.kind for one in given} == {"mine", "rest"}
+
+
+def test_whoever_looks_on_sees_all_iterates_and_changes_nothing():
+    seen = []
+    task, search = small_task(), Search(starts=2, finalists=1, rounds=1)
+    plain = multistart(task, make_backend("piqp"), 9, search)
+    looked_at = multistart(replace(task, on_iterate=seen.append), make_backend("piqp"), 9, search)
+    assert [one.plan.velocity.tobytes() for one in plain] == [one.plan.velocity.tobytes() for one in looked_at]
+    taken = [step for one in plain if one.refined for stage in one.refined.stages for step in stage.history]
+    assert len(seen) >= sum(step.accepted for step in taken) > 0
+    best, ocp = looked_at[0], task.ocp(9)
+    assert any(np.array_equal(ocp.motion(x)[1], best.plan.velocity) for x in seen)
+
+
+def test_whoever_looks_on_may_end_the_search():
+    with pytest.raises(ZeroDivisionError):
+        multistart(replace(small_task(), on_iterate=lambda _: 1 / 0), make_backend("piqp"), 9)
+
+
 def test_it_is_deterministic():
     one, two = (plan_free_horizon(small_task(), make_backend("piqp"), attempts=2) for _ in range(2))
     assert one.plan.velocity.tobytes() == two.plan.velocity.tobytes()

@@ -6,6 +6,7 @@ import pytest
 from bench_missions import small_mission
 
 from mpc_cover.planning import coverage_nlp as problem
+from mpc_cover.studies.patching import patched
 from mpc_cover.studies.step_profile import PLACES, Stopwatch, profile_steps
 
 
@@ -63,3 +64,8 @@ def test_a_flight_accounts_for_all_its_time():
     assert all(0.0 <= median <= high for median, high, _ in parts.values())
     assert problem.build_subproblem is before
     assert told[-1] == 1.0
+
+
+def test_what_has_moved_is_missed():
+    with pytest.raises(AttributeError, match="no_such_name"), patched(problem, "no_such_name", None):
+        pass

@@ -113,7 +113,7 @@ def test_two_missions_of_one_name_are_refused(grid, file, tmp_path):
 def test_a_fleet_that_the_potential_law_cannot_keep_apart_is_refused(grid, tmp_path):
     deaf = tmp_path / "deaf.yaml"
     deaf.write_text(json.dumps({**TINY, "fleet": {**TINY["fleet"], "communication_range_m": 1.6}}))
-    with pytest.raises(UserError, match=r"mission tiny: communication range 1\.6 m"):
+    with pytest.raises(UserError, match=r"mission tiny: potential: communication range 1\.6 m"):
         runs_of(replace(grid, missions=(str(deaf),), controllers=("potential",)))
 
 

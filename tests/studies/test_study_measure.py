@@ -1,6 +1,7 @@
 """One run, flown and measured."""
 
 import math
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -13,6 +14,7 @@ from mpc_cover.errors import UserError
 from mpc_cover.mission.load import load_mission
 from mpc_cover.service.run.simulate import simulate
 from mpc_cover.studies import measure
+from mpc_cover.studies.controllers import run_flight
 from mpc_cover.studies.measure import cost_left, coverage_curve, fly
 from mpc_cover.studies.record import LEVELS, Record, row_of, versions
 from mpc_cover.verification.check import check_trajectory
@@ -84,14 +86,13 @@ def test_the_cost_left_is_that_of_the_whole_field():
 
 
 def test_misses_and_lower_rungs_are_counted(record, monkeypatch):
-    def slow(mission, **given):
-        result = simulate(mission, **given)
-        steps = list(result.steps)
-        steps[1] = msgspec.structs.replace(steps[1], tick_time_s=0.7, plan_source="SHIFTED")
-        steps[2] = msgspec.structs.replace(steps[2], tick_time_s=0.5, plan_source="BRAKE")
-        return type(result)(result.trajectory, steps, result.events, result.complete)
+    def slow(mission, controller, **given):
+        flight = run_flight(mission, controller, **given)
+        taken, sources = flight.step_s.copy(), list(flight.plan_sources)
+        taken[:2], sources[:2] = (0.7, 0.5), ("SHIFTED", "BRAKE")
+        return replace(flight, step_s=taken, plan_sources=tuple(sources))
 
-    monkeypatch.setattr(measure, "simulate", slow)
+    monkeypatch.setattr(measure, "run_flight", slow)
     found = fly(tiny_run())
     assert (found.misses, found.shifted, found.braked) == (1, 1, 1)
     assert found.steps == record.steps
@@ -101,7 +102,7 @@ def test_a_run_that_breaks_off_is_a_record_as_well(monkeypatch):
     def broken(*_, **__):
         raise UserError("no motion\nwas recorded")
 
-    monkeypatch.setattr(measure, "simulate", broken)
+    monkeypatch.setattr(measure, "run_flight", broken)
     record = fly(tiny_run(seed=4))
     assert record.error == "UserError: no motion was recorded"
     assert not record.complete

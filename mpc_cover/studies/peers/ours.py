@@ -1,85 +1,67 @@
 """Our planner from the given guess, with each back-end, and `mpc-cover plan` with starts of its own.
 
-The configuration is that of the planner itself: nothing is tuned here. Its iterates are seen from outside:
-the problem that it solves is one that also reports what the SQP accepts.
+Both are `planning.planner.Planner` as `mpc-cover plan` uses it: nothing is tuned here. What its SQP accepts is seen
+through `Task.on_iterate`.
 """
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from mpc_cover.planning import scp as continuation
-from mpc_cover.planning.basin_hopping import optimise_thoroughly
-from mpc_cover.planning.coverage_nlp import CoverageNLP
-from mpc_cover.planning.multistart import Search, multistart
-from mpc_cover.studies.patching import patched
+from mpc_cover.planning.offline import SEARCH
+from mpc_cover.planning.planner import Planner
 from mpc_cover.studies.watch import Enough
-from solvers.backends.registry import make_backend
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Mapping
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.studies.case import Case
     from mpc_cover.studies.watch import Answer, Watch
-    from solvers.nlp import ConvexModel
 
-SEARCH = Search(starts=10, finalists=3, rounds=None)
-"""What `mpc-cover plan` searches."""
-
-
-@dataclass
-class _Seen:
-    """How many QPs were built, and the last point that the SQP accepted."""
-
-    subproblems: int
-    x: FloatArray
+_ANYTIME = replace(SEARCH, rounds=None)
+"""What `mpc-cover plan --time-limit` searches."""
 
 
-def refined(case: Case, x: FloatArray, watch: Watch, *, backend: str) -> Answer:
-    """Refine the guess as `mpc-cover plan` refines its finalists: several ways, until everything is covered."""
-    solver = make_backend(backend)
-    watch.begin(x)
-    with _watched(watch, x) as seen:
-        try:
-            found = optimise_thoroughly(case.ocp, x, solver, rounds=None, deadline=watch.deadline)
-        except Enough:
-            return watch.answer(seen.x, seen.subproblems, "everything is covered" if watch.complete else "time is up")
-    status = found.stages[-1].outcome.sentence if found.stages else "nothing to do"
-    return watch.answer(found.x, seen.subproblems, status)
+def from_guess(case: Case, x: FloatArray, watch: Watch, *, backend: str) -> Answer:
+    """Plan as `mpc-cover plan` does, from the guess `x` and no other."""
+    return _planned(case, x, watch, backend, {"given": x})
 
 
 def from_own_starts(case: Case, x: FloatArray, watch: Watch) -> Answer:
     """Plan as `mpc-cover plan` does; the given guess `x` is not looked at."""
-    solver = make_backend("piqp")
-    watch.begin()
-    with _watched(watch, x) as seen:
-        try:
-            best = multistart(case.task, solver, case.ocp.steps, SEARCH, watch.deadline)[0]
-        except Enough:
-            return watch.answer(seen.x, seen.subproblems, "everything is covered" if watch.complete else "time is up")
+    return _planned(case, x, watch, "piqp", None)
+
+
+def _planned(case: Case, x: FloatArray, watch: Watch, backend: str, given: Mapping[str, FloatArray] | None) -> Answer:
+    planner, seen = Planner(backend), _Iterates(watch, x)
+    watch.begin(None if given is None else x)
+    task = replace(case.task, on_iterate=seen)
+    try:
+        best = planner.fixed(task, case.ocp.steps, _ANYTIME, watch.deadline, given=given)
+    except Enough:
+        return watch.answer(seen.x, seen.count, "everything is covered" if watch.complete else "time is up")
     found = case.ocp.decision(best.plan.position[0], best.plan.velocity)
-    return watch.answer(found, seen.subproblems, f"best start: {best.kind}")
+    stages = best.refined.stages if best.refined is not None else ()
+    ended = f": {stages[-1].outcome.sentence}" if stages else ""
+    return watch.answer(found, seen.count, f"best start: {best.kind}{ended}")
 
 
-@contextmanager
-def _watched(watch: Watch, x: FloatArray) -> Iterator[_Seen]:
-    """Show the watch what the planner's SQP accepts; a point that covers everything ends it as it ends any peer."""
-    seen = _Seen(0, x)
+class _Iterates:
+    """Shows the watch each iterate; one that covers everything ends the search as it ends any peer's.
 
-    class Watched(CoverageNLP):
-        """The planner's problem, which hears of accepted steps (`solvers.nlp.LearnsFromSteps`)."""
+    Attributes
+    ----------
+    count : steps that the SQP took.
+    x : the last iterate, at first what was given.
+    """
 
-        def convexify(self, x: FloatArray, radius: float) -> ConvexModel:
-            seen.subproblems += 1
-            return super().convexify(x, radius)
+    def __init__(self, watch: Watch, x: FloatArray) -> None:
+        self.count, self.x = 0, x
+        self._watch = watch
 
-        def accepted(self, x_old: FloatArray, x_new: FloatArray, multipliers: FloatArray) -> None:  # noqa: ARG002
-            seen.x = x_new
-            if watch.see(x_new):
-                raise Enough
-
-    with patched(continuation, "CoverageNLP", Watched):
-        yield seen
+    def __call__(self, x: FloatArray) -> None:
+        self.count, self.x = self.count + 1, x
+        if self._watch.see(x):
+            raise Enough

@@ -38,9 +38,9 @@ class Entry:
 
 
 _ENTRIES = (
-    Entry(OURS, "ours", "refined", "majorise-minimise from the given guess, PIQP", {"backend": "piqp"}),
-    Entry("ours-clarabel", "ours", "refined", "the same, Clarabel", {"backend": "clarabel"}),
-    Entry("ours-osqp", "ours", "refined", "the same, OSQP", {"backend": "osqp"}),
+    Entry(OURS, "ours", "from_guess", "`mpc-cover plan` from the given guess alone, PIQP", {"backend": "piqp"}),
+    Entry("ours-clarabel", "ours", "from_guess", "the same, Clarabel", {"backend": "clarabel"}),
+    Entry("ours-osqp", "ours", "from_guess", "the same, OSQP", {"backend": "osqp"}),
     Entry("ours-starts", "ours", "from_own_starts", "`mpc-cover plan`: several starts of its own, PIQP"),
     Entry("ipopt-smooth", "ipopt", "smoothed", "CasADi, IPOPT, soft minimum, L-BFGS", {"exact_hessian": False}),
     Entry("ipopt-hessian", "ipopt", "smoothed", "CasADi, IPOPT, soft minimum, exact Hessian", {"exact_hessian": True}),
