@@ -54,11 +54,16 @@ class MotionBounds:
 
     def keeps(self, path: Path, start: State) -> bool:
         """Return whether a motion from `start`, (m, d) [m] and [m/s], holds and ends at rest."""
+        return self.failure(path, start) is None
+
+    def failure(self, path: Path, start: State) -> str | None:
+        """Return the first bound that a motion from `start` does not keep, in words; None where it keeps all."""
         arrays = (path.time, path.position, path.velocity, path.force)
         least = replace(self.fleet, separation_min=self.least_separation)
-        if not verify_motion(least, *arrays, at_rest=True, start=start).holds:
-            return False
-        return not self.apart or self._keeps_apart(path)
+        failed = verify_motion(least, *arrays, at_rest=True, start=start).first_failure
+        if failed is not None:
+            return f"{failed.name}: {failed.margin:.3g} {failed.unit} ({failed.where})"
+        return "separation of pairs that are too near already" if self.apart and not self._keeps_apart(path) else None
 
     def keeps_mixed(self, path: Path, other: Path) -> bool:
         """Return whether everyone stays apart and in touch whoever flies the `other` of two motions.

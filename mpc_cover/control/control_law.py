@@ -1,112 +1,69 @@
-"""The controller's brain as the service sees it: predicted states in, a verified plan of the fleet out."""
+"""What the controller needs of a control law: the state of the fleet in, a plan to be judged out."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Protocol
 
 from mpc_cover.errors import UserError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from enum import Enum
-
-    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.control.recovery import Mode
     from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.load import Mission
+    from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
+    from mpc_cover.planning.budget import Budget
 
 
-class StepOutcome(Protocol):
-    """What a step gives: a plan that is safe to fly, and which rung of the ladder it stands on."""
+class PlanSource(Enum):
+    """Where the plan of a step comes from, best first."""
 
-    @property
-    def plan(self) -> Trajectory:
-        """The whole fleet's plan, at rest at its end."""
-        ...
+    NEW = "a verified new plan"
+    SHIFTED = "the previous plan, shifted"
+    BRAKE = "braking to rest"
+    REST = "at rest, nothing to do"
 
-    @property
-    def plan_source(self) -> Enum:
-        """Which rung of the ladder."""
-        ...
 
-    @property
-    def reason(self) -> str:
-        """Why not the rung above."""
-        ...
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """What a control law would have the fleet fly.
 
-    @property
-    def computing_time_s(self) -> float:
-        """Time that the step took [s]."""
-        ...
+    Attributes
+    ----------
+    trajectory : of the whole fleet, from the state's time on, ending at rest. Nothing is believed of it: the safety
+        filter decides whether it is sent.
+    source : where it comes from.
+    reason : why it is no better, or what was done, in a sentence.
+    """
 
-    @property
-    def deadline_missed(self) -> bool:
-        """Whether time ran out."""
-        ...
+    trajectory: Trajectory
+    source: PlanSource = PlanSource.NEW
+    reason: str = ""
 
 
 class ControlLaw(Protocol):
-    """See `control.receding_horizon.RecedingHorizon`; tests hand in simpler ones."""
+    """See `control.receding_horizon.RecedingHorizon`.
 
-    coverage: FlownMap
+    Attributes
+    ----------
+    tolerates_losses : whether it goes on without agents that are lost; else the fleet waits for them at rest.
+    """
 
-    def prepare(
-        self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
-    ) -> StepOutcome:
-        """Plan thoroughly while everyone is at rest; `deadline` is on `time.perf_counter`."""
-        ...
-
-    def step(
-        self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None
-    ) -> StepOutcome:
-        """Return a plan from this (m, d) state at `start_time`."""
-        ...
-
-
-@runtime_checkable
-class ToleratesLosses(Protocol):
-    """A brain that can do without some agents."""
-
-    def set_lost(self, lost: BoolArray) -> None:
-        """Plan without those marked (m,): from now on their rows of a state say where they come to rest."""
-        ...
-
-
-@runtime_checkable
-class AvoidsObstacles(Protocol):
-    """A brain that keeps clear of the lost while they still move."""
-
-    def set_obstacles(self, obstacles: Mapping[int, Trajectory]) -> None:
-        """Take note of how those who are lost come to rest, by number; whoever is not in it rests already."""
-        ...
-
-
-@runtime_checkable
-class KnowsReachability(Protocol):
-    """A brain that knows what nobody can measure any more."""
+    tolerates_losses: bool
 
     @property
-    def unreachable(self) -> BoolArray:
-        """(J, K): what is owed, but cannot be measured by any of those who are left."""
+    def mode(self) -> Mode:
+        """What it does with the fleet; `REPLAN_AT_REST` asks for a step while everyone is at rest."""
         ...
 
-
-@runtime_checkable
-class ReplansAtRest(Protocol):
-    """A brain that knows when a step is too short for what it has to plan."""
-
-    @property
-    def wants_replan_at_rest(self) -> bool:
-        """Whether it is worth while to stop and plan thoroughly."""
+    def step(self, state: FleetState, coverage: FlownMap, budget: Budget) -> Proposal:
+        """Return a plan from a state on, for what `coverage` says is owed; when `state.settled`, a thorough one."""
         ...
 
-
-@runtime_checkable
-class LimitsSpeed(Protocol):
-    """A brain that can plan for an agent that is slower than its mission says."""
-
-    def limit_speed(self, index: int, part: float) -> None:
-        """Ask agent number `index` for this part of its speed limit at most."""
+    def published(self, trajectory: Trajectory) -> None:
+        """Learn that a proposed trajectory was sent to the fleet. What this is not told of is not flown."""
         ...
 
 
@@ -134,5 +91,4 @@ def make_control_law(mission: Mission, backend: str, seed: int) -> ControlLaw:
     require_double(mission)
     from mpc_cover.control.receding_horizon import RecedingHorizon  # noqa: PLC0415 - heavy, agents never need it
 
-    law: ControlLaw = RecedingHorizon(mission, backend=backend, seed=seed)
-    return law
+    return RecedingHorizon(mission, backend=backend, seed=seed)

@@ -1,4 +1,4 @@
-"""What plans are ordered to do: of all that the map owes, what one mission plan is to bring."""
+"""The allocation of demand: of all that the map owes, what one mission plan is to bring."""
 
 from __future__ import annotations
 
@@ -25,12 +25,11 @@ class DemandAllocation:
 
     Parameters
     ----------
-    coverage : what is owed.
     field : the cells, and how much they matter.
     """
 
-    def __init__(self, coverage: FlownMap, field: Field) -> None:
-        self._coverage, self._field = coverage, field
+    def __init__(self, field: Field) -> None:
+        self._field = field
         self._later: IntArray | None = None
 
     @property
@@ -38,14 +37,16 @@ class DemandAllocation:
         """Whether looks are owed that the present mission plan was not asked for."""
         return self._later is not None and bool(self._later.any())
 
-    def next(self, start: FleetState, *, in_one_go: bool = False) -> tuple[FloatArray, IntArray | None]:
+    def next(
+        self, coverage: FlownMap, state: FleetState, *, in_one_go: bool = False
+    ) -> tuple[FloatArray, IntArray | None]:
         """Return weights and looks (J, K) that a new mission plan from here is to bring; looks None for one each.
 
         `in_one_go` asks for all that are owed, however many, and begins no lap.
         """
         if not in_one_go:
-            self._coverage.begin_lap(start.time, start.position)
-        owed = self._coverage.demand(start.time, start.position)
+            coverage.begin_lap(state.time, state.position)
+        owed = coverage.demand(state.time, state.position)
         weight = owed.gamma * self._field.weight
         if owed.looks is None or in_one_go:
             self._later = None
@@ -54,12 +55,14 @@ class DemandAllocation:
         self._later = np.maximum(owed.looks - most, 0)
         return weight, np.minimum(owed.looks, most)
 
-    def left(self, start: FleetState, later: FloatArray, radius: FloatArray) -> tuple[FloatArray, IntArray | None]:
+    def left(
+        self, coverage: FlownMap, state: FleetState, later: FloatArray, radius: FloatArray
+    ) -> tuple[FloatArray, IntArray | None]:
         """Return weights and looks (J, K) that the present mission plan is to bring beside what `later` brings.
 
         `later` is positions (n, m, d) [m] of its samples, `radius` (m, J) [m] of the fleet.
         """
-        owed = self._coverage.demand(start.time, start.position)
+        owed = coverage.demand(state.time, state.position)
         weight = owed.gamma * self._field.weight
         if owed.looks is None:
             return still_owed(later, self._field.cell, radius, weight), None

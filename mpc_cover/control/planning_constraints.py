@@ -1,4 +1,4 @@
-"""What the controller can count on just now: who takes part, which bounds can be kept, what can be measured."""
+"""The constraints of the next plan: who takes part, which bounds can be kept, what can be measured."""
 
 from __future__ import annotations
 
@@ -18,8 +18,6 @@ from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.verification.path import Path
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
@@ -33,25 +31,22 @@ _LEAST_RANGE = 0.75
 
 
 class PlanningConstraints:
-    """A mission's fleet as it changes in flight.
+    """The bounds that plans of a flight are held to, step by step.
 
     Attributes
     ----------
     fleet : tightened by the tube and for whoever may be slow, without the lost, as fast as it really is.
-    bounds : those that plans are held to; see `easing`.
-    courses : how the lost who still move come to rest, by number.
-    measurable : (J, K), what those who are left can measure.
+    bounds : those that plans are held to; see `constraint_relaxation`.
+    reachable : (J, K), what those who are left can measure.
     """
 
     def __init__(self, mission: Mission) -> None:
         self._given, self._tight = mission, replace(tightened(mission), reaction=_reaction(mission))
         self._lost = np.zeros(mission.fleet.size, dtype=bool)
         self._share = np.ones(mission.fleet.size)
-        self._changed = False
         self.fleet = self._wary(self._tight)
         self.bounds = strict_bounds(self.fleet)
-        self.obstacles: Mapping[int, Trajectory] = {}
-        self.measurable: BoolArray = np.ones((mission.fleet.radius.shape[1], mission.field.size), dtype=bool)
+        self.reachable: BoolArray = np.ones((mission.fleet.radius.shape[1], mission.field.size), dtype=bool)
 
     @property
     def mission(self) -> Mission:
@@ -63,48 +58,38 @@ class PlanningConstraints:
         """Whether not even the range can be kept from here."""
         return self.bounds.fleet.communication_range > self.fleet.communication_range
 
-    @property
-    def parting(self) -> bool:
-        """Whether a loss tears the others apart, though they may hear each other still: nobody can stop in time."""
-        return self.torn and bool(self._lost.any())
+    def parted(self, state: FleetState) -> bool:
+        """Return whether those who take part are out of range, or, after a loss, cannot stop before they are."""
+        return out_of_range(state.position, self.fleet) or (self.torn and bool(state.lost.any()))
 
-    def parted(self, start: FleetState) -> bool:
-        """Return whether a loss left the others out of range of each other: whatever else is done, they must meet."""
-        return bool(self._lost.any()) and out_of_range(start.position, self.fleet)
+    def update(self, state: FleetState, incumbent: Trajectory | None) -> bool:
+        """See who takes part, which bounds can be kept from here, and what is in reach; `incumbent` is flown so far.
 
-    def set_lost(self, lost: BoolArray) -> bool:
-        """Do without the agents of the (m,) mask, or with them again; return whether that is new."""
-        new = not np.array_equal(lost, self._lost)
-        self._lost = np.array(lost, dtype=bool)
-        return new and self._change()
+        Returns whether the fleet is another than before: someone was lost, came back, or is slower than was thought.
+        """
+        changed = not (np.array_equal(state.lost, self._lost) and np.array_equal(state.speed_share, self._share))
+        if changed:
+            self._lost, self._share = state.lost.copy(), state.speed_share.copy()
+            self.fleet = without_lost(slowed(self._wary(self._tight), self._share), self._lost)
+            self.reachable = reachable(self.fleet, self._given.field.cell, state.position[self._lost])
+        self.bounds = attainable_bounds(self.fleet, self._ways_out(state, incumbent), state.actual)
+        return changed
 
-    def limit_speed(self, index: int, share: float) -> bool:
-        """Reckon with this share of an agent's speed; return whether that is new."""
-        new = bool(self._share[index] != share)
-        self._share[index] = share
-        return new and self._change()
+    def _ways_out(self, state: FleetState, incumbent: Trajectory | None) -> list[Path]:
+        """Return what can be flown whatever else is found: the rest of the plan flown so far, and the brake."""
+        known = [] if incumbent is None else [incumbent.remainder(state.time, state.position, state.velocity)]
+        return [path_among(motion, state) for motion in (*known, self.brake(state))]
 
-    def take(self, start: FleetState, published: Trajectory | None) -> None:
-        """See which bounds can be kept from a state, and what is in reach; `published` is what is flown so far."""
-        known = [] if published is None else [published.remainder(start.time, start.position, start.velocity)]
-        if self._changed or not known:
-            known.append(self.brake(start))
-        paths = [path_among(plan, self.obstacles) for plan in known]
-        self.bounds = attainable_bounds(self.fleet, paths, self._truly(start))
-        if self._changed:
-            self.measurable = reachable(self.fleet, self._given.field.cell, start.position[self._lost])
-        self._changed = False
-
-    def brake(self, start: FleetState) -> Trajectory:
-        """Return the plan that stops everyone as fast as they can."""
+    def brake(self, state: FleetState) -> Trajectory:
+        """Return the motion that stops everyone as fast as they can."""
         control = self._given.spec.control
         return braking_trajectory(
-            start.position, start.velocity, self.fleet, start.time, control.period_s, control.horizon_steps
+            state.position, state.velocity, self.fleet, state.time, control.period_s, control.horizon_steps
         )
 
-    def keeps(self, plan: Trajectory, start: FleetState) -> bool:
+    def keeps(self, plan: Trajectory, state: FleetState) -> bool:
         """Return whether the verifier passes a plan from a state."""
-        return self.bounds.keeps(path_among(plan, self.obstacles), self._truly(start))
+        return self.bounds.keeps(path_among(plan, state), state.actual)
 
     def keeps_if_missed(self, plan: Trajectory, known: Trajectory) -> bool:
         """Return whether all is well while anyone goes on along the plan that is known, until that is noticed."""
@@ -134,12 +119,6 @@ class PlanningConstraints:
             position, velocity = (np.concatenate([first[None], later]) for first, later in pairs)
         return braking_violation(position, velocity, plan.period, self.bounds.planned)
 
-    def _change(self) -> bool:
-        self.fleet = without_lost(slowed(self._wary(self._tight), self._share), self._lost)
-        self.bounds = strict_bounds(self.fleet)
-        self._changed = True
-        return True
-
     def _wary(self, fleet: Fleet) -> Fleet:
         """Return the fleet with range to spare for those who may yet turn out to be slow: they fall behind at first."""
         stated = [share for share in self._given.spec.disturbance.slow_agents.values() if share < 1.0]
@@ -149,13 +128,6 @@ class PlanningConstraints:
         unseen_s = fleet.reaction * self._given.spec.control.period_s
         reach = fleet.communication_range
         return replace(fleet, communication_range=max(reach - behind * unseen_s, _LEAST_RANGE * reach))
-
-    def _truly(self, start: FleetState) -> tuple[FloatArray, FloatArray]:
-        """Return the state (m, d) with the lost where they still are."""
-        position, velocity = start.position.copy(), start.velocity.copy()
-        for index, course in self.obstacles.items():
-            position[index], velocity[index] = course.at(start.time)
-        return position, velocity
 
 
 def _reaction(mission: Mission) -> float:

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.coverage.nearest import still_owed
-from mpc_cover.planning.budget import late
 from mpc_cover.planning.scp import MARGIN, evaluate, is_better, length_scale, optimise, optimise_without_margin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from mpc_cover.arrays import FloatArray
+    from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.ocp import OCP
     from mpc_cover.planning.scp import SCPResult
     from solvers.backends.base import Backend
@@ -47,38 +47,36 @@ def basin_hopping(
     rounds: int | None,
     guesses: Sequence[FloatArray] = (),
     seed: int = 0,
-    deadline: float | None = None,
+    budget: Budget,
     exact_cones: bool = False,
     told: Callable[[SCPResult], None] | None = None,
 ) -> SCPResult:
     """Return the best of `best` and what its shaken relatives are refined to; anytime.
 
     Every third relative is one of the `guesses` instead, in turn: the basin itself may be a bad one. `rounds` bounds
-    the hops, None for as many as there is time for (then give a `deadline`, on `time.perf_counter`); `seed` is that
+    the hops, None for as many as the budget allows; `seed` is that
     of the shakes; `told` hears of each better motion.
     """
     rng = np.random.default_rng(seed)
     scale, stages, done = length_scale(ocp), best.stages, 0
-    while not best.complete and not late(deadline) and (rounds is None or done < rounds):
+    while not best.complete and not budget.exhausted and (rounds is None or done < rounds):
         done += 1
         base = best.x
         if guesses and done % _AFRESH == 0:
             base = guesses[(done // _AFRESH - 1) % len(guesses)]
         x = perturbed(ocp, base, float(rng.choice(_AMPLITUDES)) * scale, rng)
         margin = float(rng.choice(_MARGINS))
-        found = optimise(ocp, x, backend, region=0.5, margin=margin, deadline=deadline, exact_cones=exact_cones)
+        found = optimise(ocp, x, backend, region=0.5, margin=margin, budget=budget, exact_cones=exact_cones)
         stages += found.stages
         if is_better(found, best):
-            best = reweighted(ocp, replace(found, stages=()), backend, deadline=deadline, exact_cones=exact_cones)
+            best = reweighted(ocp, replace(found, stages=()), backend, budget=budget, exact_cones=exact_cones)
             stages += best.stages
             if told is not None:
                 told(best)
     return replace(best, stages=stages)
 
 
-def reweighted(
-    ocp: OCP, best: SCPResult, backend: Backend, *, deadline: float | None = None, exact_cones: bool = False
-) -> SCPResult:
+def reweighted(ocp: OCP, best: SCPResult, backend: Backend, *, budget: Budget, exact_cones: bool = False) -> SCPResult:
     """Return the best of a motion and what it becomes when the few cells that it leaves weigh more and more."""
     stages, weight, scale = best.stages, ocp.weight, length_scale(ocp)
     for _ in range(_KICKS):
@@ -86,7 +84,7 @@ def reweighted(
             break
         if best.cost < _WORTH_SETTLING * scale:
             tight = optimise_without_margin(
-                ocp, replace(best, stages=()), backend, deadline=deadline, exact_cones=exact_cones
+                ocp, replace(best, stages=()), backend, budget=budget, exact_cones=exact_cones
             )
             stages += tight.stages
             best = tight
@@ -102,7 +100,7 @@ def reweighted(
             sharpness=_KICKED,
             iterations=5,
             region=0.5,
-            deadline=deadline,
+            budget=budget,
             exact_cones=exact_cones,
         )
         stages += pushed.stages

@@ -1,50 +1,115 @@
-"""Deadlines on `time.perf_counter`, or on work done; None is no deadline.
+"""What a decision may take: seconds of the wall clock, or the same seconds of counted work.
 
-Runs with a deadline on the clock differ from one to the next; those without, or with one on work, are the same
-every time.
+Daemons plan by the wall clock. Simulations count work instead, in the seconds that it takes on the machine it was
+measured on, so that they are the same every time; whoever plans cannot tell the difference, and decides alike.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, Protocol
+
+from mpc_cover.planning.metered_backend import metered
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from solvers.backends.base import Backend
 
 
-@dataclass
-class Meter:
-    """Counts work in the seconds that it takes on the machine it was measured on: `spent_s`."""
+class _Clock(Protocol):
+    counts: bool
 
-    spent_s: float = 0.0
+    def now(self) -> float: ...
 
-
-class Effort(float):
-    """A deadline that has passed once a meter stands at `limit_s`; to a clock it never does."""
-
-    meter: Meter
-    limit_s: float
-
-    def __new__(cls, meter: Meter, limit_s: float) -> Self:
-        """Return the deadline; as a number it is infinite."""
-        self = super().__new__(cls, math.inf)
-        self.meter, self.limit_s = meter, limit_s
-        return self
+    def charge(self, work_s: float) -> None: ...
 
 
-def late(deadline: float | None) -> bool:
-    """Return whether a deadline has passed."""
-    if isinstance(deadline, Effort):
-        return deadline.meter.spent_s >= deadline.limit_s
-    return deadline is not None and time.perf_counter() >= deadline
+class _WallClock:
+    """Time passes by itself."""
+
+    counts = False
+    now = staticmethod(time.perf_counter)
+
+    def charge(self, work_s: float) -> None:
+        """Do nothing."""
 
 
-def part_of(deadline: float | None, part: float) -> float | None:
-    """Return the deadline by which only a part of the time that is left has passed."""
-    if deadline is None:
-        return None
-    if isinstance(deadline, Effort):
-        spent_s = deadline.meter.spent_s
-        return Effort(deadline.meter, spent_s + part * max(deadline.limit_s - spent_s, 0.0))
-    now = time.perf_counter()
-    return now + part * max(deadline - now, 0.0)
+class _WorkCounter:
+    """Time passes by work."""
+
+    counts = True
+
+    def __init__(self) -> None:
+        self._spent_s = 0.0
+
+    def now(self) -> float:
+        return self._spent_s
+
+    def charge(self, work_s: float) -> None:
+        self._spent_s += work_s
+
+
+class Budget:
+    """A deadline on a clock that may count work instead of time; parts of a budget share its clock."""
+
+    def __init__(self, clock: _Clock, deadline: float) -> None:
+        self._clock, self._deadline = clock, deadline
+
+    @classmethod
+    def wall_clock(cls, seconds: float) -> Budget:
+        """Return a budget of time from now on [s]."""
+        return cls.until(time.perf_counter() + seconds)
+
+    @classmethod
+    def until(cls, deadline: float) -> Budget:
+        """Return a budget of time up to an instant of `time.perf_counter` [s]."""
+        return cls(_WallClock(), deadline)
+
+    @classmethod
+    def counted(cls, seconds: float) -> Budget:
+        """Return a budget of counted work [s]: what is done with it is the same every time."""
+        return cls(_WorkCounter(), seconds)
+
+    @classmethod
+    def unlimited(cls) -> Budget:
+        """Return a budget that is never exhausted: other bounds end the work."""
+        return cls(_WallClock(), math.inf)
+
+    @property
+    def left_s(self) -> float:
+        """What is left [s]; negative when more was spent than there was."""
+        return self._deadline - self._clock.now()
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether nothing is left."""
+        return self.left_s <= 0.0
+
+    @property
+    def clock(self) -> Callable[[], float]:
+        """The clock that `deadline` is on [s]."""
+        return self._clock.now
+
+    @property
+    def deadline(self) -> float | None:
+        """When it is exhausted, on `clock` [s]; None for never."""
+        return None if math.isinf(self._deadline) else self._deadline
+
+    def part(self, share: float) -> Budget:
+        """Return a budget of a share of what is left."""
+        left = self.left_s
+        return self if math.isinf(left) else Budget(self._clock, self._clock.now() + share * max(left, 0.0))
+
+    def extended(self, seconds: float) -> Budget:
+        """Return the budget with so much more [s]."""
+        return Budget(self._clock, self._deadline + seconds)
+
+    def charge(self, work_s: float) -> None:
+        """Count work done outside of a back-end, in the seconds that it takes; time passes by itself."""
+        self._clock.charge(work_s)
+
+    def metered(self, backend: Backend) -> Backend:
+        """Return the back-end, whose QPs are charged to this budget where work is counted."""
+        return metered(backend, self._clock.charge) if self._clock.counts else backend

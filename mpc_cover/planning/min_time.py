@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.planning.budget import late, part_of
 from mpc_cover.planning.initial_guess.boustrophedon import Guess, rest_guess, tour_guess
 from mpc_cover.planning.initial_guess.formation import formation_flight
 from mpc_cover.planning.multistart import Search, initial_guesses, multistart
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.model.trajectory import Trajectory
+    from mpc_cover.planning.budget import Budget
     from solvers.backends.base import Backend
 
 _EASY, _HARD = 0.92, 0.76
@@ -32,6 +32,8 @@ _FLYING = 0.3
 """Part of the time that flying guesses may take."""
 _KEPT = 3
 """Kinds of guesses that are tried again at other lengths."""
+FAILURES = 3
+"""Lengths in a row that may fail before the search for a shorter plan ends."""
 _FINALISTS = 3
 """Plans that are flown on to what they leave over, when none covers everything."""
 _EXTENSIONS = 3
@@ -49,28 +51,27 @@ def plan_free_horizon(
     *,
     attempts: int = 5,
     search: Search | None = None,
-    deadline: float | None = None,
+    budget: Budget,
 ) -> Candidate:
     """Return a short plan that covers everything owed, or the best one found; anytime.
 
     Begins with a length at which the first guess mostly suffices, and bisects between what covers everything
-    and what does not. What is still left over is flown to at the end. `attempts` bounds the lengths tried,
-    `deadline` is on `time.perf_counter`.
+    and what does not. What is still left over is flown to at the end. `attempts` bounds the lengths tried.
     """
     search = search or Search()
-    flights = _flights(task, search, deadline)
+    flights = _flights(task, search, budget)
     found = [as_flown(task, guess, motion) for guess, motion in flights]
     still = rest_guess(task.position)
     found.append(as_flown(task, still, task.flown(still, task.least_steps)))
     work = min(motion.steps for _, motion in flights)
     if work * task.fleet.size > _LARGE:
-        return _plan_large(task, backend, sorted(found, key=partial(promise, repair=_REPAIR)), deadline)
+        return _plan_large(task, backend, sorted(found, key=partial(promise, repair=_REPAIR)), budget)
     steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * work)
     shortest = 0
     for _ in range(attempts):
-        if late(deadline):
+        if budget.exhausted:
             break
-        candidates = multistart(task, backend, steps, search, deadline)
+        candidates = multistart(task, backend, steps, search, budget)
         best = candidates[0]
         found.append(best)
         if best.complete:
@@ -87,26 +88,26 @@ def plan_free_horizon(
         if steps in {too_short, shortest}:
             break
     found.sort(key=lambda candidate: candidate.rank)
-    finished = [_extended(task, candidate, backend, deadline) for candidate in found[:_FINALISTS] if candidate.feasible]
+    finished = [_extended(task, candidate, backend, budget) for candidate in found[:_FINALISTS] if candidate.feasible]
     return min([*finished, *found], key=lambda candidate: candidate.rank)
 
 
-def _plan_large(task: Task, backend: Backend, flown: list[Candidate], deadline: float | None) -> Candidate:
+def _plan_large(task: Task, backend: Backend, flown: list[Candidate], budget: Budget) -> Candidate:
     """Repair and improve the best guesses stretch by stretch, then fly on to what is left over."""
     resting = next(candidate for candidate in flown if candidate.kind == "rest")
     found = [resting]
     guesses = [candidate for candidate in flown if candidate is not resting]
     for number, guess in enumerate(guesses[:_TRIED]):
-        if late(deadline):
+        if budget.exhausted:
             break
-        until = part_of(deadline, 0.8 / (_TRIED - number))
+        until = budget.part(0.8 / (_TRIED - number))
         motion = (guess.plan.position, guess.plan.velocity)
-        position, velocity = refine_segments(task, motion, backend, length=_STRETCH, passes=_PASSES, deadline=until)
+        position, velocity = refine_segments(task, motion, backend, length=_STRETCH, passes=_PASSES, budget=until)
         found.append(as_moved(task, position[0], velocity, guess.kind))
         if found[-1].feasible:
             break
     found += [guess for guess in guesses if guess.feasible]
-    finished = [_extended(task, candidate, backend, deadline) for candidate in found if candidate.feasible]
+    finished = [_extended(task, candidate, backend, budget) for candidate in found if candidate.feasible]
     return min([*finished, *found], key=lambda candidate: candidate.rank)
 
 
@@ -115,46 +116,47 @@ def plan_min_time(
     backend: Backend,
     *,
     search: Search,
-    deadline: float | None = None,
+    budget: Budget,
     told: Callable[[int, Candidate], None] | None = None,
+    failures: int | None = FAILURES,
 ) -> Candidate:
     """Return the shortest plan that covers everything which the search finds.
 
-    Goes down a sample at a time from a short plan, with more starts and hops each time one length fails: three
-    failures end it, or the deadline where there is one. `told` hears of each length that was tried.
+    Goes down a sample at a time from a short plan, with more starts and hops each time one length fails. So many
+    `failures` in a row end it, None for as many as the budget allows; `told` hears of each length that was tried.
     """
-    best = plan_free_horizon(task, backend, search=replace(search, rounds=0), deadline=deadline)
+    best = plan_free_horizon(task, backend, search=replace(search, rounds=0), budget=budget)
     if not best.complete:
         return best
-    failures = 0
-    while (failures < _KEPT or deadline is not None) and best.plan.steps > task.least_steps and not late(deadline):
+    failed = 0
+    while (failures is None or failed < failures) and best.plan.steps > task.least_steps and not budget.exhausted:
         more = replace(
             search,
-            starts=_SYSTEMATIC + 8 * failures,
-            finalists=6 + 4 * failures,
-            seed=search.seed + failures,
-            rounds=(search.rounds or 0) * 2**failures,
+            starts=_SYSTEMATIC + 8 * failed,
+            finalists=6 + 4 * failed,
+            seed=search.seed + failed,
+            rounds=(search.rounds or 0) * 2**failed,
         )
         steps = best.plan.steps - 1
-        candidate = multistart(task, backend, steps, more, deadline)[0]
+        candidate = multistart(task, backend, steps, more, budget)[0]
         if told is not None:
             told(steps, candidate)
         if candidate.complete:
-            best, failures = candidate, 0
+            best, failed = candidate, 0
         else:
-            failures += 1
+            failed += 1
     return best
 
 
-def _flights(task: Task, search: Search, deadline: float | None) -> list[tuple[Guess, Trajectory]]:
+def _flights(task: Task, search: Search, budget: Budget) -> list[tuple[Guess, Trajectory]]:
     """Fly systematic guesses to their ends: what they take is a measure of the work.
 
     All of them where there is time, else twice as many as are to be told apart; one at the least.
     """
     flights: list[tuple[Guess, Trajectory]] = []
-    most, enough = (_SYSTEMATIC if search.starts > _SCREENED else 2 * search.starts), part_of(deadline, _FLYING)
+    most, enough = (_SYSTEMATIC if search.starts > _SCREENED else 2 * search.starts), budget.part(_FLYING)
     for guess in islice(initial_guesses(task, search), most):
-        if "random" in guess.kind or (flights and late(enough)):
+        if "random" in guess.kind or (flights and enough.exhausted):
             break
         flights.append((guess, task.flown(guess, None)))
     return flights
@@ -166,7 +168,7 @@ def _kinds(candidates: list[Candidate]) -> tuple[str, ...]:
     return tuple(ordered)[:_KEPT]
 
 
-def _extended(task: Task, candidate: Candidate, backend: Backend, deadline: float | None) -> Candidate:
+def _extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> Candidate:
     """Fly on to what the candidate leaves over, from its end at rest."""
     for _ in range(_EXTENSIONS):
         weight = task.owed_after(candidate.plan)
@@ -176,23 +178,23 @@ def _extended(task: Task, candidate: Candidate, backend: Backend, deadline: floa
         rest = replace(
             task, weight=weight, position=end.position[-1], velocity=end.velocity[-1], start_time=end.end_time
         )
-        more = _flown_on(rest, backend, deadline)
+        more = _flown_on(rest, backend, budget)
         if more is None:
             break
         candidate = _joined(task, candidate, more)
     return candidate
 
 
-def _flown_on(rest: Task, backend: Backend, deadline: float | None) -> Candidate | None:
+def _flown_on(rest: Task, backend: Backend, budget: Budget) -> Candidate | None:
     """Return how to measure some more of what is left over, by a tour, or as one body; None if nothing does."""
     tour = tour_guess(rest.fleet, rest.cell, rest.weight, rest.position)
     flight = rest.flown(tour, None)
     more = as_flown(rest, tour, flight)
-    if not more.feasible and not late(deadline):
-        more = multistart(rest, backend, flight.steps, Search(starts=2, finalists=1), deadline)[0]
+    if not more.feasible and not budget.exhausted:
+        more = multistart(rest, backend, flight.steps, Search(starts=2, finalists=1), budget)[0]
     if _leads_on(rest, more):
         return more
-    if (moved := formation_flight(rest, deadline)) is None:
+    if (moved := formation_flight(rest, budget)) is None:
         return None
     more = as_flown(rest, Guess("convoy", []), moved)
     return more if _leads_on(rest, more) else None

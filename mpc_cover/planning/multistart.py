@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.planning.basin_hopping import basin_hopping, reweighted
-from mpc_cover.planning.budget import late, part_of
 from mpc_cover.planning.initial_guess.boustrophedon import Guess, rest_guess, sweep_guesses, tour_guess
 from mpc_cover.planning.scp import SHARPNESS, evaluate, length_scale, optimise
 from mpc_cover.planning.task import Candidate, Task, candidate_of
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from mpc_cover.arrays import FloatArray
+    from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.scp import SCPResult
     from solvers.backends.base import Backend
 
@@ -62,21 +62,19 @@ def multistart(
     task: Task,
     backend: Backend,
     steps: int,
-    search: Search | None = None,
-    deadline: float | None = None,
+    search: Search,
+    budget: Budget,
     told: Told | None = None,
     given: Mapping[str, FloatArray] | None = None,
 ) -> list[Candidate]:
     """Return plans of exactly `steps` samples, the best first, from several starts; anytime.
 
-    The list holds what became of each start that was tried. `deadline` is on `time.perf_counter`; `told` hears
-    of the length and each better plan; `given` are decision vectors of `task.ocp(steps)` by name, which are started
-    from in place of guesses.
+    The list holds what became of each start that was tried. `told` hears of the length and each better plan; `given`
+    are decision vectors of `task.ocp(steps)` by name, which are started from in place of guesses.
     """
-    search = search or Search()
     tell = told or _nobody
     ocp = task.ocp(steps)
-    screening = part_of(deadline, 0.5)
+    screening = budget.part(0.5)
     tried: list[tuple[str, FloatArray, SCPResult]] = []
     for kind, x in _starts(task, steps, search, screening) if given is None else given.items():
         coarse = optimise(
@@ -85,7 +83,7 @@ def multistart(
             backend,
             sharpness=COARSE,
             iterations=4,
-            deadline=deadline,
+            budget=budget,
             exact_cones=search.exact_cones,
         )
         tried.append((kind, x, coarse))
@@ -94,14 +92,14 @@ def multistart(
     tried.sort(key=lambda item: (not item[2].feasible, item[2].merit))
     found = [candidate_of(task, steps, coarse, kind) for kind, _, coarse in tried]
     for finalist in tried[: search.finalists]:
-        if min(found, key=lambda c: c.rank).complete or late(deadline):
+        if min(found, key=lambda c: c.rank).complete or budget.exhausted:
             break
-        found.append(_finished(task, backend, steps, finalist, deadline, search))
+        found.append(_finished(task, backend, steps, finalist, budget, search))
     best = min(found, key=lambda candidate: candidate.rank)
     tell(steps, best)
     still = ocp.decision_of(task.flown(rest_guess(task.position), steps))
     if not best.complete and search.rounds != 0:
-        found.append(_hopped(task, backend, best, [still, *(x for _, x, _ in tried)], deadline, search, tell))
+        found.append(_hopped(task, backend, best, [still, *(x for _, x, _ in tried)], budget, search, tell))
     found.append(candidate_of(task, steps, evaluate(ocp, still), "rest"))
     return sorted(found, key=lambda candidate: candidate.rank)
 
@@ -111,17 +109,17 @@ def _finished(
     backend: Backend,
     steps: int,
     finalist: tuple[str, FloatArray, SCPResult],
-    deadline: float | None,
+    budget: Budget,
     search: Search,
 ) -> Candidate:
     """Refine a finalist from where the coarse stages left it, then once more from the start."""
     kind, x, coarse = finalist
     ocp = task.ocp(steps)
     exact = search.exact_cones
-    refined = partial(optimise, ocp, backend=backend, deadline=deadline, exact_cones=exact)
+    refined = partial(optimise, ocp, backend=backend, budget=budget, exact_cones=exact)
     fine = refined(x=coarse.x, sharpness=SHARPNESS[2:], iterations=8, region=0.5)
     first = candidate_of(task, steps, fine, kind)
-    if first.complete or first.cost > _HOPELESS * length_scale(ocp) or late(deadline):
+    if first.complete or first.cost > _HOPELESS * length_scale(ocp) or budget.exhausted:
         return first
     again = refined(x=x)
     return min(first, candidate_of(task, steps, again, kind), key=lambda candidate: candidate.rank)
@@ -132,7 +130,7 @@ def _hopped(
     backend: Backend,
     best: Candidate,
     guesses: list[FloatArray],
-    deadline: float | None,
+    budget: Budget,
     search: Search,
     tell: Told,
 ) -> Candidate:
@@ -142,7 +140,7 @@ def _hopped(
     if best.refined is None:
         return best
     exact = search.exact_cones
-    pushed = reweighted(ocp, best.refined, backend, deadline=deadline, exact_cones=exact)
+    pushed = reweighted(ocp, best.refined, backend, budget=budget, exact_cones=exact)
     found = basin_hopping(
         ocp,
         pushed,
@@ -150,18 +148,18 @@ def _hopped(
         rounds=search.rounds,
         guesses=guesses,
         seed=search.seed,
-        deadline=deadline,
+        budget=budget,
         exact_cones=exact,
         told=lambda refined: tell(steps, candidate_of(task, steps, refined, best.kind)),
     )
     return candidate_of(task, steps, found, best.kind)
 
 
-def _starts(task: Task, steps: int, search: Search, until: float | None) -> Iterator[tuple[str, FloatArray]]:
+def _starts(task: Task, steps: int, search: Search, until: Budget) -> Iterator[tuple[str, FloatArray]]:
     """Yield the kinds and decision vectors of guesses as they fly, as many as are to be told apart by then."""
     ocp = task.ocp(steps)
     for number, guess in enumerate(islice(initial_guesses(task, search), max(search.starts, 1))):
-        if number and late(until):
+        if number and until.exhausted:
             return
         yield guess.kind, ocp.decision_of(task.flown(guess, steps))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,8 @@ from mpc_cover import __version__
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
 from mpc_cover.information.replay import measured_at
+from mpc_cover.planning.budget import Budget
+from mpc_cover.planning.min_time import FAILURES
 from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
@@ -73,14 +74,15 @@ def plan_mission(
     options = options or PlanOptions()
     planner, task = Planner(options.backend), offline_task(mission)
     steps = round(mission.spec.planning.duration_s / task.period)
-    deadline = None if options.time_limit_s is None else time.perf_counter() + options.time_limit_s
+    limit_s = options.time_limit_s
+    budget = Budget.unlimited() if limit_s is None else Budget.wall_clock(limit_s)
     search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
     tell = _teller(task.period, told)
     if options.min_time:
-        found = planner.shortest(task, search, deadline, tell)
+        found = planner.shortest(task, search, budget, tell, failures=FAILURES if limit_s is None else None)
     else:
-        rounds = SEARCH.rounds if deadline is None else None
-        found = planner.fixed(task, steps, replace(search, rounds=rounds), deadline, tell)
+        rounds = SEARCH.rounds if limit_s is None else None
+        found = planner.fixed(task, steps, replace(search, rounds=rounds), budget, tell)
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
     return _trajectory(mission, options, found)

@@ -10,7 +10,6 @@ import numpy as np
 from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.coverage.majoriser import Softness
 from mpc_cover.coverage.objective import coverage_cost
-from mpc_cover.planning.budget import late
 from mpc_cover.planning.coverage_nlp import CoverageNLP
 from mpc_cover.planning.ocp import Settings
 from solvers import sqp
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mpc_cover.arrays import FloatArray
+    from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.ocp import OCP
     from solvers.backends.base import Backend
     from solvers.outcome import Result
@@ -111,7 +111,7 @@ def optimise(
     sharpness: Sequence[float] = SHARPNESS,
     iterations: int = 10,
     region: float = 1.0,
-    deadline: float | None = None,
+    budget: Budget,
     exact_cones: bool = False,
     margin: float = MARGIN,
     count: int = 6,
@@ -119,8 +119,8 @@ def optimise(
     """Lower J from the decision vector `x`, stage by stage; anytime: the best feasible motion is returned.
 
     `iterations` bounds the QPs of a stage; `margin` is the sensing margin times beta; soft minima are over `count`
-    samples; `region` is the first trust radius in sensing radii; `deadline` is on `time.perf_counter`; `exact_cones`
-    needs a back-end that has them. Ends early once everything is covered.
+    samples; `region` is the first trust radius in sensing radii; `exact_cones` needs a back-end that has them.
+    Ends early once everything is covered, or the budget is exhausted.
     """
     scale = length_scale(ocp)
     options = sqp.Options(
@@ -132,15 +132,15 @@ def optimise(
         line_search=Backtracking(most=2),
     )
     best = evaluate(ocp, x)
+    metered, able = budget.metered(backend), backend.capabilities
     current, stages = x, []
     for value in sharpness:
-        if best.complete or late(deadline):
+        if best.complete or budget.exhausted:
             break
         softness = softness_at(value, scale, margin=margin, count=count)
         problem = CoverageNLP(ocp, Settings(softness, exact_cones=exact_cones))
-        able = backend.capabilities
         staged = replace(options, qp=QPOptions(able.fine if value >= _SHARP else able.inexact))
-        result = sqp.solve(problem, current, backend, staged, deadline=deadline)
+        result = sqp.solve(problem, current, metered, staged, clock=budget.clock, deadline=budget.deadline)
         stages.append(result)
         current = result.x
         found = evaluate(ocp, current)
@@ -150,14 +150,14 @@ def optimise(
 
 
 def optimise_without_margin(
-    ocp: OCP, best: SCPResult, backend: Backend, *, deadline: float | None = None, exact_cones: bool = False
+    ocp: OCP, best: SCPResult, backend: Backend, *, budget: Budget, exact_cones: bool = False
 ) -> SCPResult:
     """Return the better of a motion and what becomes of it without any sensing margin, by accurate QPs.
 
     For motions that leave next to nothing: margins that make up for soft minima forbid what only just fits, as cells
     exactly two radii apart that one straight path measures.
     """
-    if late(deadline):
+    if budget.exhausted:
         return best
     scale = length_scale(ocp)
     settings = Settings(softness_at(_HARD, scale, margin=0.0), exact_cones=exact_cones)
@@ -170,7 +170,14 @@ def optimise_without_margin(
         line_search=Backtracking(most=2),
         qp=QPOptions(tolerance=backend.capabilities.accurate),
     )
-    result = sqp.solve(CoverageNLP(ocp, settings), best.x, backend, options, deadline=deadline)
+    result = sqp.solve(
+        CoverageNLP(ocp, settings),
+        best.x,
+        budget.metered(backend),
+        options,
+        clock=budget.clock,
+        deadline=budget.deadline,
+    )
     found = evaluate(ocp, result.x)
     return replace(found if is_better(found, best) else best, stages=(*best.stages, result))
 

@@ -13,7 +13,6 @@ import numpy as np
 from mpc_cover.constraints.boundary import Ends
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.budget import late
 from mpc_cover.planning.ocp import OCP
 from mpc_cover.planning.scp import evaluate, optimise
 from mpc_cover.planning.task import gentle
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.scp import SCPResult
     from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
@@ -49,23 +49,23 @@ def refine_segments(
     *,
     length: int,
     passes: int,
-    deadline: float | None,
+    budget: Budget,
     told: Callable[[int], None] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return a motion (positions [m], velocities [m/s]) that covers no less, repaired and shortened where it can be.
 
     Stretches of `length` samples are taken one after another, each beginning in the middle of the one before,
-    `passes` times or until a pass gains nothing. `deadline` is on `time.perf_counter`; `told` hears of the
+    `passes` times or until a pass gains nothing. `told` hears of the
     length after each stretch.
     """
     position, velocity = motion
     for _ in range(passes):
         before, begin = velocity.shape[0], 0
         while begin < velocity.shape[0] - 2:
-            if late(deadline):
+            if budget.exhausted:
                 return position, velocity
             end = min(begin + length, velocity.shape[0] - 1)
-            position, velocity = _stretch(task, (position, velocity), backend, begin, end)
+            position, velocity = _stretch(task, (position, velocity), backend, begin, end, budget)
             begin += length // 2
             if told is not None:
                 told(velocity.shape[0] - 1)
@@ -75,7 +75,7 @@ def refine_segments(
 
 
 def _stretch(
-    task: Task, motion: tuple[FloatArray, FloatArray], backend: Backend, begin: int, end: int
+    task: Task, motion: tuple[FloatArray, FloatArray], backend: Backend, begin: int, end: int, budget: Budget
 ) -> tuple[FloatArray, FloatArray]:
     """Replace samples `begin` to `end` by better ones, or by themselves.
 
@@ -89,7 +89,9 @@ def _stretch(
     for count in (steps - 1,) if now.complete else (steps, steps + 1):
         ocp = _ocp(task, motion, owed, begin, end, count)
         x = ocp.exact_ends(ocp.decision(position[begin], resampled(velocity[begin : end + 1], count)))
-        found = optimise(ocp, x, backend, sharpness=_STAGES, iterations=_ITERATIONS, **gentle(task.looks))
+        found = optimise(
+            ocp, x, backend, sharpness=_STAGES, iterations=_ITERATIONS, budget=budget, **gentle(task.looks)
+        )
         if _better(found, now, longer=count > steps):
             joined = np.concatenate([velocity[:begin], ocp.motion(found.x)[1], velocity[end + 1 :]])
             whole = task.ocp(joined.shape[0] - 1)

@@ -15,6 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.control.receding_horizon import RecedingHorizon
+from mpc_cover.information.build import make_map
+from mpc_cover.model.fleet_state import FleetState
+from mpc_cover.planning.budget import Budget
 from mpc_cover.studies.patching import patched
 
 if TYPE_CHECKING:
@@ -36,7 +39,7 @@ PLACES = {
     ),
     "splicing": (
         "control.receding_horizon:spliced",
-        "control.fallback_policy:FallbackPolicy.best",
+        "control.receding_horizon:best_proposal",
         "control.receding_horizon:RecedingHorizon._left_by",
     ),
 }
@@ -109,21 +112,24 @@ def _fly(
 ) -> list[dict[str, float]]:
     """Fly what the controller plans, exactly, until everything is covered; return the accounts of each step."""
     period, state_period = mission.spec.control.period_s, mission.spec.control.state_period_s
-    position, velocity = mission.fleet.start, np.zeros_like(mission.fleet.start)
-    law.coverage.observe(0.0, position)
-    plan = law.prepare(position, velocity, 0.0, deadline=None).plan
+    control, coverage = mission.spec.control, make_map(mission)
+    still = np.zeros_like(mission.fleet.start)
+    coverage.observe(0.0, mission.fleet.start)
+    state = FleetState.nominal(mission.fleet.start, still, 0.0, settled=True)
+    plan = law.step(state, coverage, Budget.counted(control.planning_time_s)).trajectory
     steps: list[dict[str, float]] = []
     for k in range(_LONGEST):
         now, then = k * period, (k + 1) * period
         for instant in np.append(np.arange(now + state_period, then - 1e-9, state_period), then):
-            law.coverage.observe(float(instant), plan.at(float(instant))[0])
-        told(law.coverage.fraction)
-        if law.coverage.complete and steps:
+            coverage.observe(float(instant), plan.at(float(instant))[0])
+        told(coverage.fraction)
+        if coverage.complete and steps:
             break
-        position, velocity = plan.at(then)
+        law.published(plan)
+        state, budget = FleetState.nominal(*plan.at(then), then), Budget.counted(control.deadline_fraction * period)
         watch.reset()
         begun = time.perf_counter()
-        plan = law.step(position, velocity, then, deadline=None).plan
+        plan = law.step(state, coverage, budget).trajectory
         whole = time.perf_counter() - begun
         spent = watch.reset()
         steps.append({**spent, "the rest": whole - sum(spent.values()), "step": whole})

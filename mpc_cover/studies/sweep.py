@@ -12,18 +12,16 @@ of its would be sent otherwise, and judged by the whole mission: the verifier co
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.control.fallback_policy import PlanSource
-from mpc_cover.information.build import make_map
+from mpc_cover.control.control_law import PlanSource, Proposal
+from mpc_cover.control.recovery import Mode
 from mpc_cover.mission.load import build_mission
 from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.constraint_tightening import tightened
-from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.initial_guess.lanes import cut_lanes, snake, swath_of
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 
@@ -32,7 +30,9 @@ if TYPE_CHECKING:
     from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
+    from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
+    from mpc_cover.planning.budget import Budget
 
 
 def without_coordination(mission: Mission) -> Mission:
@@ -43,17 +43,6 @@ def without_coordination(mission: Mission) -> Mission:
     for bound in ("repel_within_m", "attract_beyond_m"):
         raw["potential"].pop(bound, None)
     return build_mission(raw, f"mission {mission.spec.name} without coordination")
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """What a step came out with; see `control.control_law.StepOutcome`."""
-
-    plan: Trajectory
-    plan_source: PlanSource
-    reason: str
-    computing_time_s: float
-    deadline_missed: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +60,7 @@ class Strip:
 
 
 class SweepLaw:
-    """The partition as a brain of the service; deterministic.
+    """The partition as a control law; deterministic. It needs everyone: who is lost is waited for.
 
     Parameters
     ----------
@@ -79,8 +68,11 @@ class SweepLaw:
 
     Attributes
     ----------
-    strips : each agent's share; none before `prepare`.
+    strips : each agent's share; none before the first step of a fleet at rest.
     """
+
+    tolerates_losses = False
+    mode = Mode.NOMINAL
 
     def __init__(self, mission: Mission) -> None:
         self._period = mission.spec.control.period_s
@@ -89,48 +81,40 @@ class SweepLaw:
         self._capture = 0.5 * fleet.speed_max**2 / fleet.input_max
         braking = np.ceil((fleet.speed_max / (fleet.input_max * self._period)).max())
         self._steps = 2 * int(braking) + 2
-        self.coverage: FlownMap = make_map(mission)
         self.strips: list[Strip] = []
         self._passed: IntArray = np.zeros(fleet.size, dtype=np.intp)
 
-    def prepare(self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None) -> Step:
-        """Share out what is owed among agents at rest at (m, d) `position` [m], and start."""
-        begun = time.perf_counter()
-        shares = [self._cut(position, axis) for axis in range(position.shape[1])]
-        self.strips = min(shares, key=lambda strips: self._flight(strips, position, velocity))
-        self._passed = np.zeros(len(position), dtype=np.intp)
-        return self._onward(begun, position, velocity, start_time, deadline)
+    def step(self, state: FleetState, coverage: FlownMap, budget: Budget) -> Proposal:  # noqa: ARG002 - it takes no time
+        """Return the plan towards everyone's next waypoints; a fleet at rest shares out what is owed before that."""
+        self._fleet = replace(self._able, speed_max=self._able.speed_max * state.speed_share)
+        if state.settled:
+            self._share_out(state, coverage.owed)
+        if coverage.complete:
+            stop = braking_trajectory(
+                state.position, state.velocity, self._fleet, state.time, self._period, self._steps
+            )
+            return Proposal(stop, PlanSource.REST, "all is covered")
+        paths = [self._ahead(agent, state, coverage.owed) for agent in range(len(state.position))]
+        motion = track_waypoints(paths, state.position, state.velocity, self._fleet, self._period, steps=self._steps)
+        return Proposal(state.trajectory(motion.velocity[1:], self._period), PlanSource.NEW, "sweeps")
 
-    def step(self, position: FloatArray, velocity: FloatArray, start_time: float, *, deadline: float | None) -> Step:
-        """Return the plan towards everyone's next waypoints from the (m, d) state at `start_time`."""
-        return self._onward(time.perf_counter(), position, velocity, start_time, deadline)
+    def published(self, trajectory: Trajectory) -> None:
+        """Do nothing: each step begins with where everyone is."""
 
-    def limit_speed(self, index: int, part: float) -> None:
-        """Ask agent number `index` for this part of its speed at most; the strips stay as they are."""
-        speed = self._fleet.speed_max.copy()
-        speed[index] = part * self._able.speed_max[index]
-        self._fleet = replace(self._fleet, speed_max=speed)
+    def _share_out(self, state: FleetState, owed: BoolArray) -> None:
+        shares = [self._cut(state.position, owed, axis) for axis in range(state.position.shape[1])]
+        self.strips = min(shares, key=lambda strips: self._flight(strips, state.position, state.velocity))
+        self._passed = np.zeros(len(state.position), dtype=np.intp)
 
-    def _onward(
-        self, begun: float, position: FloatArray, velocity: FloatArray, start_time: float, deadline: float | None
-    ) -> Step:
-        if self.coverage.complete:
-            stop = braking_trajectory(position, velocity, self._fleet, start_time, self._period, self._steps)
-            return _outcome(begun, deadline, stop, "all is covered", PlanSource.REST)
-        paths = [self._ahead(agent, position[agent], velocity[agent]) for agent in range(len(position))]
-        motion = track_waypoints(paths, position, velocity, self._fleet, self._period, steps=self._steps)
-        plan = Trajectory.from_velocities(position, velocity, motion.velocity[1:], start_time, self._period)
-        return _outcome(begun, deadline, plan, "sweeps", PlanSource.NEW)
-
-    def _ahead(self, agent: int, here: FloatArray, velocity: FloatArray) -> FloatArray:
+    def _ahead(self, agent: int, state: FleetState, owed: BoolArray) -> FloatArray:
         """Return an agent's waypoints: the rest of its lanes, else its nearest owed cell, else where it can stop."""
-        strip = self.strips[agent]
+        strip, here, velocity = self.strips[agent], state.position[agent], state.velocity[agent]
         while self._passed[agent] < len(strip.path):
             path = strip.path[self._passed[agent] :]
             if np.linalg.norm(path[0] - here) >= self._capture[agent]:
                 return path
             self._passed[agent] += 1
-        left = self._cell[(strip.own & self.coverage.owed).any(axis=0)]
+        left = self._cell[(strip.own & owed).any(axis=0)]
         if len(left):
             return left[[int(np.argmin(np.linalg.norm(left - here, axis=1)))]]
         braking = 0.5 * np.linalg.norm(velocity) / self._fleet.input_max[agent]
@@ -141,16 +125,16 @@ class SweepLaw:
         paths = [strip.path for strip in strips]
         return track_waypoints(paths, position, velocity, self._fleet, self._period).steps
 
-    def _cut(self, position: FloatArray, axis: int) -> list[Strip]:
+    def _cut(self, position: FloatArray, owed: BoolArray, axis: int) -> list[Strip]:
         """Return a strip along `axis` for each agent; agents of unlike abilities share out what each can measure."""
         able = np.isfinite(self._fleet.radius)
-        strips = [Strip(here[None], np.zeros_like(self.coverage.owed)) for here in position]
+        strips = [Strip(here[None], np.zeros_like(owed)) for here in position]
         for pattern in np.unique(able, axis=0):
             team = np.flatnonzero((able == pattern).all(axis=1))
-            owed = self.coverage.owed & pattern[:, None]
-            for agent, cells in self._split(team, position, np.flatnonzero(owed.any(axis=0)), axis):
+            theirs = owed & pattern[:, None]
+            for agent, cells in self._split(team, position, np.flatnonzero(theirs.any(axis=0)), axis):
                 own = np.zeros_like(owed)
-                own[:, cells] = owed[:, cells]
+                own[:, cells] = theirs[:, cells]
                 strips[agent] = Strip(self._lanes(agent, position[agent], cells, axis), own)
         return strips
 
@@ -169,12 +153,6 @@ class SweepLaw:
         swath = swath_of(float(radius[np.isfinite(radius)].min()), float(fleet.speed_max[agent]), self._period)
         path = snake(cut_lanes(self._cell[cells], swath, axis), here)
         return np.asarray(np.clip(path, fleet.motion_min, fleet.motion_max))
-
-
-def _outcome(begun: float, deadline: float | None, plan: Trajectory, reason: str, plan_source: PlanSource) -> Step:
-    """Return the step that began at `begun` on `time.perf_counter`, as `deadline` is."""
-    now = time.perf_counter()
-    return Step(plan, plan_source, reason, now - begun, deadline is not None and now > deadline)
 
 
 def _off_the_walls(fleet: Fleet, period: float) -> Fleet:

@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from mpc_cover.planning.budget import Budget
 from mpc_cover.studies.verdict import Verdict, judge
 
 if TYPE_CHECKING:
@@ -93,14 +94,14 @@ class Watch:
         return self._clock() - self._origin
 
     @property
-    def deadline(self) -> float | None:
-        """When the time will be up, on `time.perf_counter`; judging postpones it.
+    def budget(self) -> Budget:
+        """What is left of the time; judging postpones its end.
 
-        None where the watch shows processor time, which no clock can foretell: `see` tells when it is enough.
+        Unlimited where the watch shows processor time, which no clock can foretell: `see` tells when it is enough.
         """
         if self._clock is time.process_time:
-            return None
-        return time.perf_counter() + self._limit_s - self.elapsed_s
+            return Budget.unlimited()
+        return Budget.wall_clock(self._limit_s - self.elapsed_s)
 
     @property
     def enough(self) -> bool:

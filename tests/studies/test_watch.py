@@ -84,12 +84,11 @@ def test_a_deadline_is_what_is_left_on_the_planners_own_clock():
     watch = Watch(case, 1e6, lambda _: None, clock)
     watch.begin()
     clock.now += 4e5
-    assert watch.deadline is not None
-    assert time.perf_counter() + 5e5 < watch.deadline < time.perf_counter() + 7e5
+    assert 5e5 < watch.budget.left_s < 7e5
 
 
 def test_processor_time_has_no_deadline_on_the_wall():
     """Beside other processes a minute of the wall is a few seconds of the processor."""
     watch = Watch(make_case(small_mission()), 60.0, lambda _: None, time.process_time)
     watch.begin()
-    assert watch.deadline is None
+    assert watch.budget.deadline is None

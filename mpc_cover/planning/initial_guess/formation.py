@@ -14,12 +14,12 @@ import numpy as np
 
 from mpc_cover.model.motion import roll_out
 from mpc_cover.model.trajectory import Trajectory
-from mpc_cover.planning.budget import late
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.task import Task
 
 _NEAR = 0.8
@@ -37,10 +37,10 @@ _SEEN = 0.95
 """Part of the radius within which a cell counts as measured on the way."""
 
 
-def formation_flight(task: Task, deadline: float | None = None) -> Trajectory | None:
+def formation_flight(task: Task, budget: Budget) -> Trajectory | None:
     """Return the motion of a fleet at rest as one body from cell to cell, to rest; None where that leads nowhere.
 
-    Anytime: what was found by the deadline.
+    Anytime: what was found within the budget.
     """
     fleet, active = task.fleet, list(task.fleet.active)
     if np.abs(task.velocity).max() > _AT_REST or task.end != "rest" or task.start_free or not active:
@@ -50,7 +50,7 @@ def formation_flight(task: Task, deadline: float | None = None) -> Trajectory | 
     if (low > 0.0).any() or (high < 0.0).any():  # someone is outside
         return None
     speed, force = (_CRUISE * float(limit[active].min()) for limit in (fleet.speed_max, fleet.input_max))
-    legs = _legs(task, (low, high), partial(_leg, speed=speed, force=force, period=task.period), deadline)
+    legs = _legs(task, (low, high), partial(_leg, speed=speed, force=force, period=task.period), budget)
     if not legs:
         return None
     common = np.concatenate([np.zeros((1, fleet.dimension)), *legs])
@@ -84,7 +84,7 @@ def _legs(
     task: Task,
     box: tuple[FloatArray, FloatArray],
     leg: Callable[[FloatArray], FloatArray],
-    deadline: float | None,
+    budget: Budget,
 ) -> list[FloatArray]:
     """Return the velocities (n, d) [m/s] of each leg: again and again one that measures much in little time.
 
@@ -103,7 +103,7 @@ def _legs(
         distance = np.linalg.norm(offset - places[:, None, None], axis=3)
         return np.asarray((distance[:, :, None] <= _SEEN * radius[:, :, None]).any(axis=1) & owed)
 
-    while (able := reached & owed).any() and not late(deadline):
+    while (able := reached & owed).any() and not budget.exhausted:
         agent, k = np.nonzero(able.any(axis=1) & _clear(task, here, nearest))
         if not len(k):
             break

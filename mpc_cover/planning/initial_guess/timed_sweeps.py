@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.budget import late
 from mpc_cover.planning.initial_guess.boustrophedon import Guess, sweep_guesses
 from mpc_cover.planning.initial_guess.dwell_time_lp import solve_dwell_times, timed_samples
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_samples
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.model.trajectory import Trajectory
+    from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.task import Candidate, Task
     from solvers.backends.base import Backend
 
@@ -43,21 +43,21 @@ _ROUNDS = 4
 """How often the programme is asked again for what whole samples lack."""
 
 
-def timed_sweeps(task: Task, most: int, deadline: float | None = None) -> list[Candidate]:
+def timed_sweeps(task: Task, most: int, budget: Budget) -> list[Candidate]:
     """Return what up to `most` sweeps come to that are flown so that every cell gets all the looks it is owed.
 
-    For tasks of several looks from a given start to rest; one at the least, whatever the `deadline`.
+    For tasks of several looks from a given start to rest; one at the least, whatever the budget.
     """
     found: list[Candidate] = []
     guesses = sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period, slow=True)
     work = 0.0
     for guess in islice(sorted(guesses, key=_reluctance), most):
-        if found and (late(deadline) or work > _MOST_WORK):
+        if found and (budget.exhausted or work > _MOST_WORK):
             break
         work += task.cell.shape[0] * sum(_length(path) for path in guess.paths)
         for motion in _flown(task, guess):
             found.append(as_flown(task, Guess(f"slow {guess.kind}", guess.paths), motion))
-            if found[-1].cost == 0.0 or late(deadline):
+            if found[-1].cost == 0.0 or budget.exhausted:
                 break
     return found
 
@@ -71,28 +71,26 @@ def _reluctance(guess: Guess) -> bool:
     return guess.kind.startswith("strips")
 
 
-def repaired(
-    task: Task, flown: list[Candidate], backend: Backend, most: int, deadline: float | None
-) -> list[Candidate]:
+def repaired(task: Task, flown: list[Candidate], backend: Backend, most: int, budget: Budget) -> list[Candidate]:
     """Return what becomes of the `most` promising of some plans when they are repaired and shortened by the SQP."""
     found: list[Candidate] = []
     for guess in sorted(flown, key=partial(promise, repair=_REPAIR))[:most]:
-        if late(deadline) or guess.plan.position.size * task.cell.shape[0] > _MENDABLE:
+        if budget.exhausted or guess.plan.position.size * task.cell.shape[0] > _MENDABLE:
             break
-        found.append(_mended(task, guess, backend, deadline))
+        found.append(_mended(task, guess, backend, budget))
     return found
 
 
-def _mended(task: Task, guess: Candidate, backend: Backend, deadline: float | None) -> Candidate:
+def _mended(task: Task, guess: Candidate, backend: Backend, budget: Budget) -> Candidate:
     """Go over a plan stretch by stretch; what a pass leaves over weighs more in the next."""
     best, weight = guess, task.weight
     position, velocity = guess.plan.position, guess.plan.velocity
     for _ in range(_PASSES):
-        if late(deadline):
+        if budget.exhausted:
             break
         heavier = replace(task, weight=weight)
         position, velocity = refine_segments(
-            heavier, (position, velocity), backend, length=_STRETCH, passes=1, deadline=deadline
+            heavier, (position, velocity), backend, length=_STRETCH, passes=1, budget=budget
         )
         candidate = as_moved(task, position[0], velocity, guess.kind)
         best = min(best, candidate, key=lambda one: one.rank)

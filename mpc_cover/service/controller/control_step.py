@@ -1,20 +1,25 @@
-"""Asks the brain for plans, in time, and sends them; a brain that fails leaves the previous plan in force."""
+"""One control step: predicted state, control law, safety filter, publication, within its budget of time.
+
+A law that fails, comes too late, or proposes what the filter refuses leaves the previous plan in force.
+"""
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.service.controller.step_log import Step
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mpc_cover.arrays import FloatArray
     from mpc_cover.clock import Clock
-    from mpc_cover.control.control_law import ControlLaw, StepOutcome
+    from mpc_cover.control.control_law import ControlLaw, Proposal
+    from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.config import Control
+    from mpc_cover.model.fleet_state import FleetState
+    from mpc_cover.planning.budget import Budget
     from mpc_cover.service.controller.fleet_supervisor import FleetSupervisor
     from mpc_cover.service.controller.mission_clock import MissionClock
     from mpc_cover.service.controller.plan_publisher import PlanPublisher
@@ -24,61 +29,60 @@ LATEST_START = 0.5
 """Part of the time for a step that must be left when it starts, or it is skipped."""
 
 
-@dataclass(frozen=True)
-class Budget:
-    """How long things may take: `speed` is how many seconds of the clock pass in one of the machine's.
-
-    Without `deadlines` nothing has one, and runs are deterministic.
-    """
-
-    control: Control
-    speed: float
-    deadlines: bool
-
-
 class ControlStep:
-    """One mission's brain, with its budget of time; `sent` says whether the last step sent a plan.
+    """Asks the control law for plans, in time, and has them published.
 
     Parameters
     ----------
-    brain, plan_publisher : who thinks, and who sends.
-    timeline, clock : when.
+    law, publisher : who plans, and who sends what the safety filter admits.
+    mission_clock, clock : when; `speed` is how many seconds of the clock pass in one of the machine's.
+    control : periods and limits of time.
     steps : told what each step took.
-    budget : what it may take.
+    budget_of : makes a budget of so many seconds of the machine: of time, or of counted work.
     tell : told events, of a kind, in words.
+
+    Attributes
+    ----------
+    failures : steps in a row that raised, or whose plan was refused.
+    sent : whether the last step sent a plan.
     """
 
     def __init__(
         self,
         law: ControlLaw,
-        plan_publisher: PlanPublisher,
+        publisher: PlanPublisher,
         mission_clock: MissionClock,
         clock: Clock,
+        control: Control,
         steps: StepLog,
-        budget: Budget,
+        *,
+        speed: float,
+        budget_of: Callable[[float], Budget],
         tell: Callable[[str, str], None],
     ) -> None:
         self.failures = 0
         self.sent = False
-        self._law, self._plan_publisher, self._tell = law, plan_publisher, tell
+        self._law, self._publisher, self._tell = law, publisher, tell
         self._mission_clock, self._clock, self._steps = mission_clock, clock, steps
-        self._control, self._speed, self._deadlines = budget.control, budget.speed, budget.deadlines
-        self._begun = 0.0
+        self._control, self._speed, self._budget_of = control, speed, budget_of
 
-    def prepare(self, position: FloatArray, velocity: FloatArray) -> StepOutcome:
-        """Return the first plan of a fleet at rest at (m, d) [m]; whatever the brain raises goes through."""
-        self._begun = time.perf_counter()
-        deadline = self._begun + self._control.planning_time_s if self._deadlines else None
-        return self._law.prepare(position, velocity, self._mission_clock.now(), deadline=deadline)
+    def prepare(self, state: FleetState, coverage: FlownMap) -> tuple[Proposal, float]:
+        """Return the first plan of a fleet at rest, and what it took [s]; whatever the law raises goes through."""
+        begun = time.perf_counter()
+        proposal = self._law.step(state, coverage, self._budget_of(self._control.planning_time_s))
+        return proposal, time.perf_counter() - begun
 
-    def take_off(self, result: StepOutcome, supervisor: FleetSupervisor) -> None:
-        """Pin mission time to the clock, and send the first plan a period ahead of its start."""
+    def take_off(self, proposal: Proposal, state: FleetState, supervisor: FleetSupervisor, took_s: float) -> bool:
+        """Pin mission time to the clock, and send the first plan a period ahead of its start; return whether it is."""
         supervisor.fleet.freeze_clocks()
         self._mission_clock.start(self._clock.now() + self._control.period_s)
-        self.failures = 0
-        self._send(result, supervisor, "prepare")
+        self.sent = self._publish(proposal, state, supervisor)
+        if not self.sent:
+            self._mission_clock.pause()
+        self._note("prepare", proposal, took_s, took_s, missed=False)
+        return self.sent
 
-    def step(self, supervisor: FleetSupervisor) -> None:
+    def step(self, supervisor: FleetSupervisor, coverage: FlownMap) -> None:
         """Plan from where everyone will be at the next tick, and send it; too late for that, skip it.
 
         Raises
@@ -87,51 +91,50 @@ class ControlStep:
             Someone flies a plan that this controller did not send.
         """
         self.sent = False
-        now, tick = self._clock.now(), self._mission_clock.tick
-        budget = self._control.deadline_fraction * self._control.period_s
-        left = self._mission_clock.grid(tick) + budget - now
-        if self._deadlines and left < LATEST_START * budget:
+        clock, tick = self._mission_clock, self._mission_clock.tick
+        budget_s = self._control.deadline_fraction * self._control.period_s
+        left_s = clock.grid(tick) + budget_s - self._clock.now()
+        if left_s < LATEST_START * budget_s:
             self._steps.skipped += 1
             return
-        self._begun = time.perf_counter()
-        position, velocity = supervisor.ahead(self._mission_clock.grid(tick + 1))
-        supervisor.warn(self._mission_clock.grid(tick + 1), self._mission_clock.origin_s)
-        deadline = self._begun + left / self._speed if self._deadlines else None
-        start = self._mission_clock.planned_start(tick + 1)
+        begun = time.perf_counter()
+        state = supervisor.predicted(clock.grid(tick + 1), clock.planned_start(tick + 1), clock.origin_s)
+        budget = self._budget_of(left_s / self._speed)
+        thinking = time.perf_counter()
         try:
-            result = self._law.step(position, velocity, start, deadline=deadline)
+            proposal = self._law.step(state, coverage, budget)
         except Exception as error:  # noqa: BLE001 - agents fly on along their verified plans
             self.failures += 1
             self._tell("step-failed", f"a step failed: {error!r}; the previous plan goes on")
             return
-        self.failures = 0
-        late = self._late(tick)
-        self._send(result, supervisor, "step", late=late)
-        self.sent = not late
+        thought_s = time.perf_counter() - thinking
+        if late := self._late(tick):
+            self._tell("late", "a step took too long: its plan is not sent, the previous one goes on")
+        else:
+            self.sent = self._publish(proposal, state, supervisor)
+        took_s = time.perf_counter() - begun
+        self._note("step", proposal, thought_s, took_s, missed=late or budget.left_s < 0.0)
 
     def _late(self, tick: int) -> bool:
         """Return whether agents, who look at their mail once a state period, would find a plan after its start.
 
         They would refuse it, being elsewhere by then, and all that was planned in the belief that they fly it.
         """
-        return self._deadlines and self._clock.now() + self._control.state_period_s > self._mission_clock.grid(tick + 1)
+        found_s = self._clock.now() + self._control.state_period_s
+        return found_s > self._mission_clock.grid(tick + 1) + SNAP_S
 
-    def _send(self, result: StepOutcome, supervisor: FleetSupervisor, kind: str, *, late: bool = False) -> None:
-        origin_s, now = self._mission_clock.origin_s, self._clock.now()
-        if late:
-            self._tell("late", "a step took too long: its plan is not sent, the previous one goes on")
-        else:
-            self._plan_publisher.send(
-                result.plan, supervisor.fleet.links, origin_s, now, without=supervisor.lost_indices
-            )
-        self._steps.add(
-            Step(
-                kind,
-                result.plan.start_time,
-                result.computing_time_s,
-                time.perf_counter() - self._begun,
-                result.plan_source.name,
-                result.reason,
-                result.deadline_missed or late,
-            )
-        )
+    def _publish(self, proposal: Proposal, state: FleetState, supervisor: FleetSupervisor) -> bool:
+        """Send a proposal, if the safety filter admits it, and tell the law; return whether it was sent."""
+        links, origin_s = supervisor.fleet.links, self._mission_clock.origin_s
+        verdict = self._publisher.publish(proposal.trajectory, state, links, origin_s, self._clock.now())
+        if not verdict.admitted:
+            self.failures += 1
+            self._tell("refused", f"the safety filter refuses a plan: {verdict.reason}; the previous plan goes on")
+            return False
+        self.failures = 0
+        self._law.published(proposal.trajectory)
+        return True
+
+    def _note(self, kind: str, proposal: Proposal, thought_s: float, took_s: float, *, missed: bool) -> None:
+        start_s = proposal.trajectory.start_time if proposal.trajectory.time.size else 0.0
+        self._steps.add(Step(kind, start_s, thought_s, took_s, proposal.source.name, proposal.reason, missed))

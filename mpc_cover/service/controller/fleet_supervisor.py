@@ -1,12 +1,15 @@
-"""The agents as the brain is to think of them: on their plans, off them, slower than they should be, or lost."""
+"""Supervises the fleet: who is lost, back, slow or off its plan, and where everyone will be."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.control.control_law import AvoidsObstacles, LimitsSpeed, ToleratesLosses
+from mpc_cover.control.reachability import reachable
+from mpc_cover.model.constraint_tightening import tightened, without_lost
+from mpc_cover.model.fleet_state import FleetState
 from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.service.controller.failure_detector import SILENT_PART, FailureDetector, FailureMode
 from mpc_cover.service.controller.plan_publisher import UnknownPlanError
@@ -17,8 +20,7 @@ from mpc_cover.service.run.recording import motion_of, rests_from
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from mpc_cover.arrays import FloatArray
-    from mpc_cover.control.control_law import ControlLaw
+    from mpc_cover.arrays import BoolArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.service.agent.vehicle import MotionState
@@ -32,13 +34,14 @@ FAR_HORIZONS = 3.0
 
 
 class FleetSupervisor:
-    """Judges the agents by their reports, and tells the brain what has changed.
+    """Judges the agents by their reports, and tells the state of the fleet that plans are to be made for.
 
-    A brain that cannot share out the work of the lost makes the fleet regroup instead: `call` says so.
+    A law that does not tolerate losses makes the fleet regroup instead: `assess` says so.
 
     Parameters
     ----------
-    mission, fleet, plan_publisher, brain : who flies what, and who plans for them.
+    mission, fleet, publisher : who flies what.
+    tolerates_losses : whether plans can do without agents that are lost.
     rests : where agents rest, (d,) [m], that an earlier controller had lost.
     tell : told events, of a kind, in words.
     """
@@ -47,54 +50,48 @@ class FleetSupervisor:
         self,
         mission: Mission,
         fleet: FleetMonitor,
-        plan_publisher: PlanPublisher,
-        law: ControlLaw,
+        publisher: PlanPublisher,
         rests: Mapping[str, Sequence[float]],
         tell: Callable[[str, str], None],
+        *,
+        tolerates_losses: bool,
     ) -> None:
         control = mission.spec.control
         self.fleet = fleet
-        self._ids = mission.fleet.ids
-        self._law, self._plan_publisher, self._tell = law, plan_publisher, tell
+        self._ids, self._cell = mission.fleet.ids, mission.field.cell
+        self._publisher, self._tell, self._tolerates_losses = publisher, tell, tolerates_losses
         self._detector = FailureDetector(mission, fleet)
-        self._predictor = StatePredictor(mission, plan_publisher)
+        self._predictor = StatePredictor(mission, publisher)
         self._speeds = SpeedEstimator(mission)
         self._horizon_s = control.horizon_steps * control.period_s
         self._rests = {self._ids.index(name): np.array(place) for name, place in rests.items() if name in self._ids}
         self._straying: set[int] = set()
-        if self._rests and isinstance(law, ToleratesLosses):
+        self._tight = tightened(mission)
+        self._reachable: tuple[frozenset[int], BoolArray] | None = None
+        if self._rests and tolerates_losses:
             self._detector.lost = dict.fromkeys(self._rests, FailureMode.BRAKES)
-            self._share()
 
     @property
     def lost(self) -> list[str]:
         """The names of those that the others do without."""
         return self._detector.ids()
 
-    @property
-    def lost_indices(self) -> frozenset[int]:
-        """Their numbers."""
-        return frozenset(self._detector.lost)
-
-    def call(self, now_s: float, patience_s: float) -> str:
+    def assess(self, now_s: float, patience_s: float) -> str:
         """See who is lost, back or slow; return why everyone should rather stop and wait, if so."""
-        self._learn_pace()
-        if not isinstance(self._law, ToleratesLosses):
+        self._learn_speeds()
+        if not self._tolerates_losses:
             return self._who_is_missed(now_s)
+        lost = self._detector.lost
         back, gone = self._detector.back(now_s, patience_s), self._detector.gone(now_s)
-        if len(self._detector.lost) - len(back) + len(gone) == len(self._ids):
-            if self._detector.lost:
-                self._detector.lost = {}
-                self._share()
+        if len(lost) - len(back) + len(gone) == len(self._ids):
+            self._detector.lost = {}
             return "nobody is heard"
         for index in back:
-            del self._detector.lost[index]
+            del lost[index]
             self._readmit(index)
         for index, fate in gone.items():
-            self._detector.lost[index] = fate
-            self._bid_farewell(index)
-        if back or gone:
-            self._share()
+            lost[index] = fate
+            self._note_loss(index)
         return ""
 
     def missing(self, now_s: float, patience_s: float) -> list[str]:
@@ -102,18 +99,18 @@ class FleetSupervisor:
         awaited = self.fleet.awaited(now_s, patience_s)
         return [text for name, text in awaited.items() if name not in self.lost]
 
-    def at_rest(self) -> tuple[FloatArray, FloatArray]:
-        """Return where a fleet at rest is by its plans, (m, d) [m], [m/s], and where the lost are."""
-        links = enumerate(self.fleet.links)
-        return _stacked([self._rest_of(i) if i in self._detector.lost else link.planned() for i, link in links])
+    def at_rest(self, mission_time_s: float) -> FleetState:
+        """Return the state of a fleet at rest: where it is by its plans, and where the lost are."""
+        links, lost = enumerate(self.fleet.links), self._detector.lost
+        return self._state([self._rest_of(i) if i in lost else link.planned() for i, link in links], mission_time_s)
 
-    def moved_from(self, position: FloatArray) -> bool:
-        """Return whether anyone who is not lost is elsewhere than at (m, d) [m]."""
+    def moved_from(self, state: FleetState) -> bool:
+        """Return whether anyone who is not lost is elsewhere than a state says."""
         here = [index for index in range(len(self._ids)) if index not in self._detector.lost]
-        return bool((np.abs(self.at_rest()[0] - position)[here] > MOVED_M).any())
+        return bool((np.abs(self.at_rest(state.time).position - state.position)[here] > MOVED_M).any())
 
-    def ahead(self, time_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return where everyone will be at `time_s` of the controller's clock, the lost at rest: (m, d) [m], [m/s].
+    def predicted(self, time_s: float, mission_time_s: float, origin_s: float) -> FleetState:
+        """Return the state of the fleet at `time_s` of the controller's clock; mission time 0 is at `origin_s` of it.
 
         Raises
         ------
@@ -121,15 +118,22 @@ class FleetSupervisor:
             Someone flies a plan that this controller did not send.
         """
         self._note_strays()
-        return _stacked([self._ahead(index, time_s) for index in range(len(self._ids))])
+        states = [self._ahead(index, time_s) for index in range(len(self._ids))]
+        courses = {index: self._course_of(index, origin_s) for index in self._detector.lost}
+        moving = {i: course for i, course in courses.items() if course and course.end_time > time_s - origin_s}
+        return replace(self._state(states, mission_time_s), obstacles=moving, settled=False)
 
-    def warn(self, time_s: float, origin_s: float) -> None:
-        """Tell the brain of the lost who still move at `time_s` of the controller's clock; mission time 0 is then."""
-        if isinstance(self._law, AvoidsObstacles):
-            obstacles = {index: self._course_of(index, origin_s) for index in self._detector.lost}
-            self._law.set_obstacles(
-                {index: course for index, course in obstacles.items() if course and course.end_time > time_s - origin_s}
-            )
+    @property
+    def reachable(self) -> BoolArray:
+        """(J, K), what those who are not lost can measure."""
+        lost = frozenset(self._detector.lost)
+        if self._reachable is None or self._reachable[0] != lost:
+            able = np.ones((self._tight.radius.shape[1], len(self._cell)), dtype=bool)
+            if lost:
+                places = np.array([self._rest_of(index)[0] for index in sorted(lost)])
+                able = reachable(without_lost(self._tight, self._lost_mask()), self._cell, places)
+            self._reachable = lost, able
+        return self._reachable[1]
 
     def settled(self, now_s: float) -> bool:
         """Return whether everyone who is not lost was heard just now and does not move any more."""
@@ -184,32 +188,38 @@ class FleetSupervisor:
         late = self.fleet.late(now_s, patience_s)
         return f"{', '.join(late)} not heard for {patience_s:g} s" if late else ""
 
-    def _bid_farewell(self, index: int) -> None:
+    def _note_loss(self, index: int) -> None:
         name = self._ids[index]
         if name in self.fleet.reborn:
-            self._plan_publisher.forget(index)
+            self._publisher.forget(index)
         self._tell(_kind("lost", name), f"{name} is lost: its work is shared out")
 
     def _readmit(self, index: int) -> None:
         name, link = self._ids[index], self.fleet.links[index]
         link.freeze()
-        self._plan_publisher.forget(index)
+        self._publisher.forget(index)
         self._speeds.forget(index)
-        if isinstance(self._law, LimitsSpeed):
-            self._law.limit_speed(index, 1.0)
         self._tell(_kind("back", name), f"{name} is back: work is shared with it again")
 
-    def _share(self) -> None:
-        assert isinstance(self._law, ToleratesLosses)
-        self._law.set_lost(np.isin(np.arange(len(self._ids)), list(self._detector.lost)))
-
-    def _learn_pace(self) -> None:
+    def _learn_speeds(self) -> None:
         for index, link in enumerate(self.fleet.links):
             if index not in self._detector.lost and self._speeds.learn(index, link):
                 part = float(self._speeds.part[index])
                 self._tell(_kind("slow", link.id), f"{link.id} is slow: plans ask for {part:.0%} of its speed")
-                if isinstance(self._law, LimitsSpeed):
-                    self._law.limit_speed(index, part)
+
+    def _lost_mask(self) -> BoolArray:
+        return np.isin(np.arange(len(self._ids)), list(self._detector.lost))
+
+    def _state(self, states: list[MotionState], mission_time_s: float) -> FleetState:
+        """Return the state of a fleet at rest whose agents are in these (d,) states."""
+        return FleetState(
+            np.array([position for position, _ in states]),
+            np.array([velocity for _, velocity in states]),
+            mission_time_s,
+            lost=self._lost_mask(),
+            speed_share=self._speeds.part.copy(),
+            settled=True,
+        )
 
     def _note_strays(self) -> None:
         links = enumerate(self.fleet.links)
@@ -218,10 +228,6 @@ class FleetSupervisor:
             name = self._ids[index]
             self._tell(_kind("strays", name), f"{name} strays from its plan: the next one starts where it is")
         self._straying = straying
-
-
-def _stacked(states: list[MotionState]) -> tuple[FloatArray, FloatArray]:
-    return np.array([position for position, _ in states]), np.array([velocity for _, velocity in states])
 
 
 def _kind(what: str, name: str) -> str:

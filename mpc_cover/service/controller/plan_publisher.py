@@ -1,4 +1,7 @@
-"""Plans on their way: cut for each agent, sent in its own clock, and remembered as long as it may fly them."""
+"""Publishes plans: judged by the safety filter, cut for each agent, sent in its clock, and remembered.
+
+Nothing else sends a plan.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,16 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mpc_cover.control.safety_filter import SafetyFilter
 from mpc_cover.service.agent.schedule import Schedule, ScheduledPlan, plan_in
 from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.keys import Keys
 from mpc_cover.service.protocol.messages import PlanMessage, PlanRef, encode
 
 if TYPE_CHECKING:
-    from collections.abc import Container
-
+    from mpc_cover.control.safety_filter import Verdict
     from mpc_cover.mission.load import Mission
+    from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.service.controller.fleet_monitor import AgentLink
     from mpc_cover.service.protocol.bus import Transport
@@ -36,9 +40,11 @@ class Sent:
 
 
 class PlanPublisher:
-    """Sends plans and knows what each agent flies."""
+    """Sends plans that the safety filter admits, and knows what each agent flies."""
 
     def __init__(self, mission: Mission, transport: Transport, epoch: int, controller: str) -> None:
+        self._filter = SafetyFilter(mission)
+        self._incumbent: Trajectory | None = None
         keys = Keys(mission.spec.name)
         self._epoch = epoch
         self._controller = controller
@@ -48,17 +54,25 @@ class PlanPublisher:
         self._sent: list[deque[Sent]] = [deque(maxlen=REMEMBERED) for _ in mission.fleet.ids]
         self._seq = 0
 
-    def send(
-        self, plan: Trajectory, links: list[AgentLink], origin_s: float, now_s: float, without: Container[int] = ()
-    ) -> None:
-        """Send each agent its part of a plan; mission time 0 is at `origin_s` of the controller's clock."""
+    def publish(
+        self, trajectory: Trajectory, state: FleetState, links: list[AgentLink], origin_s: float, now_s: float
+    ) -> Verdict:
+        """Send each agent that takes part its plan, if the safety filter admits the trajectory from this state.
+
+        Mission time 0 is at `origin_s` of the controller's clock, now is `now_s` [s].
+        """
+        verdict = self._filter.admit(trajectory, state, self._incumbent)
+        if not verdict.admitted:
+            return verdict
         for index, link in enumerate(links):
-            if index in without:
+            if state.lost[index]:
                 continue
-            message = self._cut(plan, index, link, origin_s)
+            message = self._cut(trajectory, index, link, origin_s)
             self._sent[index].append(Sent(plan_in(message), now_s))
             self._publishers[index].publish(encode(message))
+        self._incumbent = trajectory
         self._seq += 1
+        return verdict
 
     def forget(self, index: int) -> None:
         """Start afresh with agent number `index`: it is at rest, or another one."""

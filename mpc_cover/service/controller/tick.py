@@ -13,9 +13,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from mpc_cover.control.control_law import KnowsReachability, ReplansAtRest
+from mpc_cover.control.recovery import Mode
+from mpc_cover.information.build import make_map
+from mpc_cover.planning.budget import Budget
 from mpc_cover.service.controller.commands import CommandDesk
-from mpc_cover.service.controller.control_step import Budget, ControlStep
+from mpc_cover.service.controller.control_step import ControlStep
 from mpc_cover.service.controller.fleet_supervisor import FleetSupervisor
 from mpc_cover.service.controller.heartbeat import Heartbeat
 from mpc_cover.service.controller.measurement_update import MeasurementUpdate
@@ -51,7 +53,8 @@ class Controller:
     mission, brain, transport, clock : what to do, how to think, and the world; all handed in.
     epoch, identity : whose plans agents are to follow; a later controller has a higher epoch.
     speed : how many seconds of `clock` pass in one of the machine's.
-    deadlines : whether steps have one; without, runs are deterministic.
+    budget_of : makes the budget of a step from its seconds of the machine's: of time, or of counted work, with which
+        runs are deterministic.
     stay : whether to keep answering after the mission is complete.
     journal : keeps what was covered; `resume` is what an earlier controller kept, and what was measured since
         is asked of the agents.
@@ -68,7 +71,7 @@ class Controller:
         epoch: int = 1,
         identity: str = "controller",
         speed: float = 1.0,
-        deadlines: bool = True,
+        budget_of: Callable[[float], Budget] = Budget.wall_clock,
         stay: bool = False,
         checkpoints: CheckpointStore | None = None,
         resume: Snapshot | None = None,
@@ -85,14 +88,27 @@ class Controller:
         self._checkpoints: CheckpointStore = checkpoints or NoCheckpoints()
         self._desk = CommandDesk(mission, transport)
         self._mission_clock = MissionClock(clock, self._control.period_s, resume.mission_time_s if resume else 0.0)
+        self.coverage = make_map(mission)
         self._measurements = MeasurementUpdate(
-            mission, transport, law.coverage, self._mission_clock, speed=speed, resume=resume
+            mission, transport, self.coverage, self._mission_clock, speed=speed, resume=resume
         )
         self.fleet = self._measurements.fleet
-        plan_publisher, tell = PlanPublisher(mission, transport, epoch, identity), self.heartbeat.events.tell
-        self.supervisor = FleetSupervisor(mission, self.fleet, plan_publisher, law, resume.lost if resume else {}, tell)
-        budget = Budget(self._control, speed, deadlines)
-        self._control_step = ControlStep(law, plan_publisher, self._mission_clock, clock, self.steps, budget, tell)
+        publisher, tell = PlanPublisher(mission, transport, epoch, identity), self.heartbeat.events.tell
+        rests = resume.lost if resume else {}
+        self.supervisor = FleetSupervisor(
+            mission, self.fleet, publisher, rests, tell, tolerates_losses=law.tolerates_losses
+        )
+        self._control_step = ControlStep(
+            law,
+            publisher,
+            self._mission_clock,
+            clock,
+            self._control,
+            self.steps,
+            speed=speed,
+            budget_of=budget_of,
+            tell=tell,
+        )
         self._patience = max(PATIENCE_S * speed, 3.0 * self._control.state_period_s)
         self._flown = self._asleep = False
         self._complete_s = math.inf
@@ -172,7 +188,7 @@ class Controller:
 
     def _wait(self) -> None:
         if self._flown:
-            self.supervisor.call(self._clock.now(), self._patience)
+            self.supervisor.assess(self._clock.now(), self._patience)
         missing = self._missing()
         if missing or self._desk.paused:
             self.heartbeat.text = missing or "paused"
@@ -185,18 +201,21 @@ class Controller:
 
     def _plan(self) -> None:
         """Plan thoroughly while everyone is at rest, and take off if all still are."""
-        position, velocity = self.supervisor.at_rest()
+        state = self.supervisor.at_rest(self._mission_clock.now())
         try:
-            result = self._control_step.prepare(position, velocity)
+            proposal, took_s = self._control_step.prepare(state, self.coverage)
         except Exception as error:  # noqa: BLE001 - a bug must not end the daemon without a word
             self._enter(Phase.FAILED, f"planning failed: {error!r}")
             return
         self._listen()
         missing = self._missing()
-        if missing or self.supervisor.moved_from(position):
+        if missing or self.supervisor.moved_from(state):
             self._regroup(missing or "someone moved")
             return
-        self._control_step.take_off(result, self.supervisor)
+        if not self._control_step.take_off(proposal, state, self.supervisor, took_s):
+            if self._control_step.failures >= MAX_FAILURES:
+                self._enter(Phase.FAILED, f"the safety filter refused {MAX_FAILURES} plans in a row")
+            return
         self._flown = True
         self._enter(Phase.FLYING, "flying")
 
@@ -204,28 +223,25 @@ class Controller:
         return "; ".join(self.supervisor.missing(self._clock.now(), self._patience))
 
     def _fly(self) -> None:
-        if not self._asleep and (why := self.supervisor.call(self._clock.now(), self._patience)):
+        if not self._asleep and (why := self.supervisor.assess(self._clock.now(), self._patience)):
             self._regroup(why)
             return
         if self._over():
             return
         try:
-            self._control_step.step(self.supervisor)
+            self._control_step.step(self.supervisor, self.coverage)
         except UnknownPlanError as error:
             self._regroup(f"someone flies an unknown plan ({error})")
             return
         if self._control_step.failures >= MAX_FAILURES:
             self._regroup(f"{self._control_step.failures} steps failed")
-        elif isinstance(self.law, ReplansAtRest) and self.law.wants_replan_at_rest and self._control_step.sent:
+        elif self.law.mode is Mode.REPLAN_AT_REST and self._control_step.sent:
             self._regroup("a step is too short to plan anew")
 
     @property
     def _nothing_left(self) -> bool:
         """Whether all that can be measured has been: everything, unless only the lost could have measured the rest."""
-        coverage, law = self.law.coverage, self.law
-        if coverage.complete:
-            return True
-        return isinstance(law, KnowsReachability) and not (coverage.owed & ~law.unreachable).any()
+        return self.coverage.complete or not (self.coverage.owed & self.supervisor.reachable).any()
 
     def _over(self) -> bool:
         """Return whether there is nothing to send: all covered and at rest, or out of time."""
@@ -234,10 +250,10 @@ class Controller:
         if not self._nothing_left:
             if self._mission_clock.now() <= limit:
                 return False
-            if self.law.coverage.endless:
+            if self.coverage.endless:
                 self._enter(Phase.COMPLETE, f"the patrol ends after control.time_limit_s {limit:g} s")
                 return True
-            owed = self.mission.field.size - self.law.coverage.covered_count
+            owed = self.mission.field.size - self.coverage.covered_count
             self._enter(Phase.FAILED, f"{owed} cells are not covered after control.time_limit_s {limit:g} s")
             return True
         self._complete_s = min(self._complete_s, now)
@@ -249,8 +265,8 @@ class Controller:
 
     def _complete(self) -> None:
         lost = ", ".join(self.supervisor.lost)
-        if not self.law.coverage.complete:
-            owed = self.mission.field.size - self.law.coverage.covered_count
+        if not self.coverage.complete:
+            owed = self.mission.field.size - self.coverage.covered_count
             text = f"{owed} cells are not covered, and cannot be without {lost}: all else is, and everyone is at rest"
             self._enter(Phase.FAILED, text)
             return
@@ -266,7 +282,7 @@ class Controller:
     # what a tick leaves behind
 
     def _beat(self) -> None:
-        now, coverage = self._mission_clock.now(), self.law.coverage
+        now, coverage = self._mission_clock.now(), self.coverage
         self.heartbeat.beat(self.phase, now, coverage, self.steps, self.fleet, self.supervisor.lost)
         self._desk.answer(self.phase)
 

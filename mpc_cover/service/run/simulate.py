@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from mpc_cover import __version__
 from mpc_cover.clock import VirtualClock
 from mpc_cover.control.control_law import make_control_law
+from mpc_cover.planning.budget import Budget
 from mpc_cover.service.agent.agent import Agent
 from mpc_cover.service.controller.tick import Controller
 from mpc_cover.service.protocol.local import LocalBus
@@ -70,7 +71,7 @@ def simulate(
         SimulatedAgent(Agent, mission, name, bus, clock, seed=seed, say=events.append) for name in mission.fleet.ids
     ]
     law = law or make_control_law(mission, backend, seed)
-    controller = Controller(mission, law, bus.join(), clock, deadlines=False, say=events.append)
+    controller = Controller(mission, law, bus.join(), clock, budget_of=Budget.counted, say=events.append)
     _run(clock, simulated_agents, controller, deaths or {}, on_tick)
     meta = {"kind": "simulate", "version": __version__, "seed": seed, "backend": backend}
     died = [simulated.agent.id for simulated in simulated_agents if simulated.dead]

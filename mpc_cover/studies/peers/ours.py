@@ -39,7 +39,7 @@ def _planned(case: Case, x: FloatArray, watch: Watch, backend: str, given: Mappi
     watch.begin(None if given is None else x)
     task = replace(case.task, on_iterate=seen)
     try:
-        best = planner.fixed(task, case.ocp.steps, _ANYTIME, watch.deadline, given=given)
+        best = planner.fixed(task, case.ocp.steps, _ANYTIME, watch.budget, given=given)
     except Enough:
         return watch.answer(seen.x, seen.count, "everything is covered" if watch.complete else "time is up")
     found = case.ocp.decision(best.plan.position[0], best.plan.velocity)

@@ -1,0 +1,79 @@
+"""The safety filter: the only gate between a control law and the fleet.
+
+Whatever a law proposes is judged by the independent verifier, which shares no code with planning or solvers, against
+the mission's own bounds: finite numbers, start, dynamics, limits, box, separation and connectivity along the continuous
+path, rest at the end. Bounds that the fleet's state is outside of already are relaxed to what the plan flown so far, or
+braking at once, attains (`constraint_relaxation`): never more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.control.constraint_relaxation import attainable_bounds
+from mpc_cover.control.obstacle_trajectories import path_among
+from mpc_cover.model.braking import braking_trajectory
+from mpc_cover.model.constraint_tightening import tightened, without_lost
+from mpc_cover.model.trajectory import SNAP_S
+
+if TYPE_CHECKING:
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.model.fleet_state import FleetState
+    from mpc_cover.model.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a trajectory may be sent, and if not, why, in words."""
+
+    admitted: bool
+    reason: str = ""
+
+
+class SafetyFilter:
+    """Judges what is about to be sent to a mission's fleet.
+
+    Parameters
+    ----------
+    mission : whose bounds hold, tightened by what disturbed agents may stray from their plans.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self._fleet, self._control = tightened(mission), mission.spec.control
+
+    def admit(self, trajectory: Trajectory, state: FleetState, incumbent: Trajectory | None) -> Verdict:
+        """Return whether a fleet in this state may be sent a trajectory; `incumbent` is what was sent last.
+
+        Never raises on account of the trajectory.
+        """
+        if (problem := self._malformed(trajectory, state)) is not None:
+            return Verdict(admitted=False, reason=problem)
+        fleet = without_lost(self._fleet, state.lost)
+        control = self._control
+        known = [] if incumbent is None else [incumbent.remainder(state.time, state.position, state.velocity)]
+        stop = braking_trajectory(
+            state.position, state.velocity, fleet, state.time, control.period_s, control.horizon_steps
+        )
+        ways_out = [path_among(motion, state) for motion in (*known, stop)]
+        bounds = attainable_bounds(fleet, ways_out, state.actual)
+        failure = bounds.failure(path_among(trajectory, state), state.actual)
+        return Verdict(admitted=failure is None, reason=failure or "")
+
+    def _malformed(self, trajectory: Trajectory, state: FleetState) -> str | None:
+        """Return why a trajectory is none of this fleet from this state on, or None."""
+        steps, shape = trajectory.time.size - 1, state.position.shape
+        expected = {"position": (steps + 1, *shape), "velocity": (steps + 1, *shape), "input": (steps, *shape)}
+        for name, wanted in expected.items():
+            if (found := getattr(trajectory, name).shape) != wanted or steps < 1:
+                return f"{name} has shape {found}, must be {wanted} with one step at the least"
+        period = self._control.period_s
+        grid = state.time + period * np.arange(steps + 1)
+        if not (np.abs(trajectory.time - grid) <= SNAP_S * (1.0 + np.abs(grid))).all():
+            return f"samples must lie every {period:g} s from {state.time:g} s on"
+        for name in expected:
+            if not np.isfinite(getattr(trajectory, name)).all():
+                return f"{name} must be finite"
+        return None
