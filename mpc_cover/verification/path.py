@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from mpc_cover.arrays import read_only
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,7 +44,7 @@ class Path:
     @property
     def pair(self) -> tuple[IntArray, IntArray]:
         """The (P,) first and (P,) second agent of each pair, P = m (m - 1) / 2."""
-        return np.triu_indices(self.position.shape[1], k=1)
+        return _pairs(self.position.shape[1])
 
     def pieces(self) -> Iterator[Path]:
         """Yield the path in pieces, each beginning where the one before ends."""
@@ -70,3 +73,9 @@ class Path:
         times = (self.time[:-1, None] + part * np.diff(self.time)[:, None]).ravel()
         flat = moved.reshape(-1, *self.position.shape[1:])
         return np.append(times, self.time[-1]), np.concatenate([flat, self.position[-1:]])
+
+
+@lru_cache(maxsize=8)
+def _pairs(agents: int) -> tuple[IntArray, IntArray]:
+    first, second = np.triu_indices(agents, k=1)
+    return read_only(first), read_only(second)
