@@ -55,14 +55,22 @@ class Path:
             samples = slice(begin, end + 1)
             yield Path(self.time[samples], self.position[samples], self.velocity[samples], self.force[begin:end])
 
-    def relative(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return (a, b, c), each (T-1, P, d) [m]: a pair is at a + b s + c s^2 from each other, s in [0, 1]."""
-        first, second = self.pair
+    def relative(self, pair: tuple[IntArray, IntArray] | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return (a, b, c), each (T-1, P, d) [m]: a pair is at a + b s + c s^2 from each other, s in [0, 1].
+
+        `pair` are the (P,) first and (P,) second agents; all pairs where it is left out.
+        """
+        first, second = self.pair if pair is None else pair
         step = self.step
         a = self.position[:-1, first] - self.position[:-1, second]
         b = (self.velocity[:-1, first] - self.velocity[:-1, second]) * step
         c = (self.force[:, first] - self.force[:, second]) * (0.5 * step**2)
         return a, b, c
+
+    def beside(self, other: Path) -> Path:
+        """Return the path of both fleets together: after these agents come those of a path at the same times."""
+        ours, theirs = ((path.position, path.velocity, path.force) for path in (self, other))
+        return Path(self.time, *(np.concatenate(both, axis=1) for both in zip(ours, theirs, strict=True)))
 
     def dense(self, points: int) -> tuple[FloatArray, FloatArray]:
         """Return times (Q,) [s] and positions (Q, m, d) [m] at `points` instants of each interval, and the end."""
