@@ -1,6 +1,8 @@
-"""Array types used in signatures."""
+"""Array types used in signatures, and arrays that many may hold."""
 
 from __future__ import annotations
+
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,3 +10,11 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+def read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
+    """Return the array itself, which nobody can write to from now on: for what is worked out once and handed out."""
+    array.setflags(write=False)
+    return array

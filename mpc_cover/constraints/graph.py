@@ -39,10 +39,9 @@ def minimum_spanning_trees(weight: FloatArray, agents: int) -> BoolArray:
 def fleet_trees(weight: FloatArray, fleet: Fleet) -> BoolArray:
     """Return (graphs, pairs): the minimum spanning trees of the agents that take part, and the links they keep."""
     tree = np.zeros(weight.shape, dtype=bool)
-    active = np.array(fleet.active, dtype=np.intp)
     one, two = all_pairs(fleet.size)
-    pair = np.flatnonzero(np.isin(one, active) & np.isin(two, active))
-    tree[:, pair] = minimum_spanning_trees(weight[:, pair], len(active))
+    pair = np.flatnonzero(fleet.is_active[one] & fleet.is_active[two])
+    tree[:, pair] = minimum_spanning_trees(weight[:, pair], len(fleet.active))
     tree[:, linked_pairs(fleet.size, fleet.links)] = True
     return tree
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.arrays import read_only
 from mpc_cover.constraints.rows import elastic_rows
 
 if TYPE_CHECKING:
@@ -22,14 +23,14 @@ WITHIN = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 def all_pairs(agents: int) -> tuple[IntArray, IntArray]:
     """Return the pairs i < j as two (pairs,) arrays."""
     first, second = np.triu_indices(agents, 1)
-    return first, second
+    return read_only(first), read_only(second)
 
 
 @lru_cache(maxsize=32)
 def linked_pairs(agents: int, links: tuple[tuple[int, int], ...]) -> IntArray:
     """Return the indices in `all_pairs` of links (i, j) given in any order."""
     number = {pair: index for index, pair in enumerate(zip(*(p.tolist() for p in all_pairs(agents)), strict=True))}
-    return np.array(sorted({number[min(link), max(link)] for link in links}), dtype=np.intp)
+    return read_only(np.array(sorted({number[min(link), max(link)] for link in links}), dtype=np.intp))
 
 
 @dataclass(frozen=True, eq=False)

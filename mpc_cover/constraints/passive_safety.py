@@ -91,7 +91,7 @@ def braking_encounters(
     one, two = all_pairs(fleet.size)
     stopper, follower = np.concatenate([one, two]), np.concatenate([two, one])
     asked = np.tile(fleet.separations + _SPARE, 2)
-    asked = np.where(np.isin(stopper, fleet.lost) | np.isin(follower, fleet.lost), 0.0, asked)
+    asked = np.where(fleet.is_active[stopper] & fleet.is_active[follower], asked, 0.0)
     place, speed = _within((position, velocity), last, part, period)
     bound = _at_least((position, velocity), (place, speed), period, fleet, lag)[:, stopper, follower]
     sample, case = np.nonzero((asked > 0.0) & (bound < asked + reach))

@@ -8,15 +8,16 @@ the next step starts on a plan that was accepted, what the rest of that plan exc
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.verification.connectivity import widest_bottleneck
+from mpc_cover.verification.connectivity import exchanged_bottlenecks, widest_bottleneck
 from mpc_cover.verification.ends import check_links
 from mpc_cover.verification.motion import taking_part, verify_motion
 from mpc_cover.verification.path import Path
-from mpc_cover.verification.separation import smallest_separation
+from mpc_cover.verification.separation import smallest_separations
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +43,7 @@ class MotionBounds:
     fleet: Fleet
     apart: dict[tuple[int, int], float]
 
-    @property
+    @cached_property
     def planned(self) -> Fleet:
         """The fleet as the planner is given it: no pair is asked for more than it can keep, and none for less."""
         return replace(self.fleet, apart=self.apart)
@@ -63,38 +64,38 @@ class MotionBounds:
         failed = verify_motion(least, *arrays, at_rest=True, start=start).first_failure
         if failed is not None:
             return f"{failed.name}: {failed.margin:.3g} {failed.unit} ({failed.where})"
-        return "separation of pairs that are too near already" if self.apart and not self._keeps_apart(path) else None
+        kept = not self.apart or _far_enough(smallest_separations(path), self.planned.separations)
+        return None if kept else "separation of a pair that is too near already"
 
     def keeps_mixed(self, path: Path, other: Path) -> bool:
         """Return whether everyone stays apart and in touch whoever flies the `other` of two motions.
 
         Any number of them, as far as separation goes; in touch, if it is one alone. Both are of the same samples.
         """
-        for index in self.fleet.active:
-            mixed = []
-            for own, others in (
-                (path.position, other.position),
-                (path.velocity, other.velocity),
-                (path.force, other.force),
-            ):
-                one = own.copy()
-                one[:, index] = others[:, index]
-                mixed.append(one)
-            motion = Path(path.time, *mixed)
-            if longest_edge(motion, self.fleet) > self.fleet.communication_range + _ROUNDING:
-                return False
-            if not self._keeps_apart(motion):
-                return False
-        return True
+        return self._mixed_in_touch(path, other) and self._mixed_apart(path, other)
 
-    def _keeps_apart(self, path: Path) -> bool:
-        if not self.apart and len(self.fleet.lost) < 2:  # noqa: PLR2004 - two that are lost may come near each other
-            closest = smallest_separation(path)
-            return closest is None or closest.value >= self.fleet.separation_min - _ROUNDING
-        return all(
-            value >= self.apart.get(pair, self.fleet.separation_min) - _ROUNDING
-            for pair, value in _separations(path, self.fleet)
-        )
+    def _mixed_in_touch(self, path: Path, other: Path) -> bool:
+        """Return whether the tree's edges keep to rho_C while one alone flies the `other` motion, whoever it is."""
+        if np.isinf(self.fleet.communication_range):
+            return True
+        longest = self.fleet.communication_range + _ROUNDING
+        ours, theirs = taking_part(path, self.fleet)[0], taking_part(other, self.fleet)[0]
+        # whom the bound does not clear is looked at more closely
+        doubtful = np.flatnonzero(self.fleet.is_active)[exchanged_bottlenecks(ours, theirs) > longest]
+        return all(longest_edge(_exchanged(path, other, index), self.fleet) <= longest for index in doubtful)
+
+    def _mixed_apart(self, path: Path, other: Path) -> bool:
+        """Return whether pairs stay apart of whom one flies the `other` motion, or neither while someone else does."""
+        fleet, asked = self.fleet, self.planned.separations
+        first, second = path.pair
+        someone_else = len(fleet.active) > fleet.is_active[first].astype(int) + fleet.is_active[second]
+        neither = smallest_separations(path, (first[someone_else], second[someone_else]))
+        if not _far_enough(neither, asked[someone_else]):
+            return False
+        one, two = np.concatenate([first, second]), np.concatenate([second, first])
+        flies = fleet.is_active[one]
+        mixed = smallest_separations(path.beside(other), (fleet.size + one[flies], two[flies]))
+        return _far_enough(mixed, np.tile(asked, 2)[flies])
 
 
 def strict_bounds(fleet: Fleet) -> MotionBounds:
@@ -128,7 +129,6 @@ def relaxed(fleet: Fleet, path: Path) -> MotionBounds:
     speed[here] = np.maximum(speed[here], np.linalg.norm(path.velocity[0, here], axis=1) + _ROUNDING)
     _, dense = path.dense(4)
     low, high = dense[:, here].min(axis=(0, 1)), dense[:, here].max(axis=(0, 1))
-    close = {pair: value for pair, value in _separations(path, fleet) if value < fleet.separation_min}
     return MotionBounds(
         replace(
             fleet,
@@ -137,7 +137,7 @@ def relaxed(fleet: Fleet, path: Path) -> MotionBounds:
             motion_max=np.maximum(fleet.motion_max, high + _ROUNDING),
             communication_range=max(fleet.communication_range, longest_edge(path, fleet), _longest_link(path, fleet)),
         ),
-        close,
+        _too_near(path, fleet),
     )
 
 
@@ -152,13 +152,26 @@ def _longest_link(path: Path, fleet: Fleet) -> float:
     return fleet.communication_range - check_links(path, fleet, 0.0).margin if fleet.links else 0.0
 
 
-def _separations(path: Path, fleet: Fleet) -> list[tuple[tuple[int, int], float]]:
-    """Return how near each pair comes [m] of which one takes part at least."""
-    found = []
-    for i, j in zip(*(index.tolist() for index in path.pair), strict=True):
-        if i in fleet.active or j in fleet.active:
-            pair = Path(path.time, path.position[:, [i, j]], path.velocity[:, [i, j]], path.force[:, [i, j]])
-            closest = smallest_separation(pair)
-            assert closest is not None
-            found.append(((i, j), closest.value))
-    return found
+def _exchanged(path: Path, other: Path, index: int) -> Path:
+    """Return a motion of which one agent flies the other."""
+    arrays = []
+    for ours, theirs in (
+        (path.position, other.position),
+        (path.velocity, other.velocity),
+        (path.force, other.force),
+    ):
+        mixed = ours.copy()
+        mixed[:, index] = theirs[:, index]
+        arrays.append(mixed)
+    return Path(path.time, *arrays)
+
+
+def _far_enough(least: FloatArray, asked: FloatArray) -> bool:
+    return bool((least >= asked - _ROUNDING).all())
+
+
+def _too_near(path: Path, fleet: Fleet) -> dict[tuple[int, int], float]:
+    """Return how near [m] those pairs come that come too near, and of which one takes part at least."""
+    (first, second), least = path.pair, smallest_separations(path)
+    near = (least < fleet.separation_min) & (fleet.is_active[first] | fleet.is_active[second])
+    return dict(zip(zip(first[near].tolist(), second[near].tolist(), strict=True), least[near].tolist(), strict=True))

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
+from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.arrays import read_only
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.mission.config import AgentSpec, MissionSpec
 
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
     """m agents in d dimensions, J magnitudes.
+
+    What follows from the fields is worked out once, and its arrays are read-only.
 
     Attributes
     ----------
@@ -54,21 +59,27 @@ class Fleet:
     apart: Mapping[tuple[int, int], float] = dataclass_field(default_factory=dict)
     reaction: float = 0.0
 
-    @property
+    @cached_property
     def separations(self) -> FloatArray:
         """(pairs,) the least distance [m] of each pair i < j, row by row; nothing is asked of two who are lost."""
         every, lost = combinations(range(self.size), 2), set(self.lost)
-        return np.array([0.0 if lost.issuperset(pair) else self.apart.get(pair, self.separation_min) for pair in every])
+        asked = [0.0 if lost.issuperset(pair) else self.apart.get(pair, self.separation_min) for pair in every]
+        return read_only(np.array(asked))
 
     @property
     def size(self) -> int:
         """Number of agents m."""
         return len(self.ids)
 
-    @property
+    @cached_property
     def active(self) -> tuple[int, ...]:
         """The agents that take part."""
         return tuple(i for i in range(self.size) if i not in self.lost)
+
+    @cached_property
+    def is_active(self) -> BoolArray:
+        """(m,) whether an agent takes part."""
+        return read_only(np.array([i not in self.lost for i in range(self.size)]))
 
     @property
     def dimension(self) -> int:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _MAX_DEPTH = 24
 """Halvings of an interval: 6e-8 of it, in case two edges change places exactly at the bottleneck."""
+_MOST_EDGES = 1_000_000
+"""Edges of graphs that are worked on at once: some tens of megabytes."""
 _MAX_OPEN = 4096
 """Stretches in work at a time; beyond it the bound itself is reported, which is on the safe side."""
 
@@ -86,6 +88,36 @@ def bottlenecks(path: Path, parts: int = 4) -> tuple[FloatArray, FloatArray]:
     farthest = np.linalg.norm(points, axis=-1).max(axis=0).swapaxes(0, 1).reshape(-1, a.shape[1])
     time = path.time[:-1, None] + np.diff(path.time)[:, None] * (np.arange(parts) / parts)
     return time.ravel(), bottleneck(farthest, path.position.shape[1])
+
+
+def exchanged_bottlenecks(path: Path, other: Path) -> FloatArray:
+    """Return (m,) bounds on the bottleneck [m] along the whole path when agent i alone flies the other path instead.
+
+    Both are of the same times. The bound is that of the intervals' control points: never below the true bottleneck,
+    and above it by at most a_rel h^2 / 8 on intervals of h [s]. Edges are measured once, for all the exchanges.
+    """
+    agents = path.position.shape[1]
+    if agents < 2:  # noqa: PLR2004 - a pair
+        return np.zeros(agents)
+    (first, second), every = path.pair, np.arange(agents)
+    old = _farthest(path, path.pair)  # (T-1, P)
+    new = _farthest(path.beside(other), (np.repeat(agents + every, agents), np.tile(every, agents)))
+    new = new.reshape(-1, agents, agents)  # (T-1, who is exchanged, the others)
+    bound = np.zeros(agents)
+    several = max(1, _MOST_EDGES // max(old.size, 1))
+    for begin in range(0, agents, several):
+        some = every[begin : begin + several]
+        one, two = first == some[:, None], second == some[:, None]  # (several, P)
+        length = np.where(one[:, None], new[:, some][:, :, second].swapaxes(0, 1), old)
+        length = np.where(two[:, None], new[:, some][:, :, first].swapaxes(0, 1), length)
+        bound[some] = bottleneck(length.reshape(-1, first.size), agents).reshape(some.size, -1).max(axis=1)
+    return bound
+
+
+def _farthest(path: Path, pair: tuple[IntArray, IntArray]) -> FloatArray:
+    """Return (T-1, P) bounds on the distance [m] of pairs in each interval, by the control points."""
+    a, b, c = path.relative(pair)
+    return np.asarray(np.linalg.norm(np.stack([a, a + 0.5 * b, a + b + c]), axis=-1).max(axis=0))
 
 
 def bottleneck(length: FloatArray, agents: int) -> FloatArray:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from mpc_cover.arrays import read_only
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,7 +44,7 @@ class Path:
     @property
     def pair(self) -> tuple[IntArray, IntArray]:
         """The (P,) first and (P,) second agent of each pair, P = m (m - 1) / 2."""
-        return np.triu_indices(self.position.shape[1], k=1)
+        return _pairs(self.position.shape[1])
 
     def pieces(self) -> Iterator[Path]:
         """Yield the path in pieces, each beginning where the one before ends."""
@@ -52,14 +55,22 @@ class Path:
             samples = slice(begin, end + 1)
             yield Path(self.time[samples], self.position[samples], self.velocity[samples], self.force[begin:end])
 
-    def relative(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return (a, b, c), each (T-1, P, d) [m]: a pair is at a + b s + c s^2 from each other, s in [0, 1]."""
-        first, second = self.pair
+    def relative(self, pair: tuple[IntArray, IntArray] | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return (a, b, c), each (T-1, P, d) [m]: a pair is at a + b s + c s^2 from each other, s in [0, 1].
+
+        `pair` are the (P,) first and (P,) second agents; all pairs where it is left out.
+        """
+        first, second = self.pair if pair is None else pair
         step = self.step
         a = self.position[:-1, first] - self.position[:-1, second]
         b = (self.velocity[:-1, first] - self.velocity[:-1, second]) * step
         c = (self.force[:, first] - self.force[:, second]) * (0.5 * step**2)
         return a, b, c
+
+    def beside(self, other: Path) -> Path:
+        """Return the path of both fleets together: after these agents come those of a path at the same times."""
+        ours, theirs = ((path.position, path.velocity, path.force) for path in (self, other))
+        return Path(self.time, *(np.concatenate(both, axis=1) for both in zip(ours, theirs, strict=True)))
 
     def dense(self, points: int) -> tuple[FloatArray, FloatArray]:
         """Return times (Q,) [s] and positions (Q, m, d) [m] at `points` instants of each interval, and the end."""
@@ -70,3 +81,9 @@ class Path:
         times = (self.time[:-1, None] + part * np.diff(self.time)[:, None]).ravel()
         flat = moved.reshape(-1, *self.position.shape[1:])
         return np.append(times, self.time[-1]), np.concatenate([flat, self.position[-1:]])
+
+
+@lru_cache(maxsize=8)
+def _pairs(agents: int) -> tuple[IntArray, IntArray]:
+    first, second = np.triu_indices(agents, k=1)
+    return read_only(first), read_only(second)

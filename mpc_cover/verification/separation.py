@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.verification.path import Path
 
 _HALVINGS = 6
@@ -40,6 +40,25 @@ def smallest_separation(path: Path) -> Distance | None:
     if path.position.shape[1] < 2:  # noqa: PLR2004 - a pair
         return None
     return min((_smallest(piece) for piece in path.pieces()), key=lambda distance: distance.value)
+
+
+def smallest_separations(path: Path, pair: tuple[IntArray, IntArray] | None = None) -> FloatArray:
+    """Return (P,) [m]: the smallest distance of each pair along the whole path, as `smallest_separation` finds it.
+
+    `pair` are the (P,) first and (P,) second agents; all pairs, in the order of `Path.pair`, where it is left out.
+    """
+    each = [_smallest_of_each(piece, pair or piece.pair) for piece in path.pieces()]
+    return np.asarray(np.min(each, axis=0))
+
+
+def _smallest_of_each(path: Path, pair: tuple[IntArray, IntArray]) -> FloatArray:
+    a, b, c = path.relative(pair)
+    least = np.linalg.norm(np.concatenate([a, (a + b + c)[-1:]]), axis=-1).min(axis=0)
+    rows, pairs = np.nonzero(_lower_bound(a, b, c) < least)
+    if rows.size:
+        _, distance = closest_approach(a[rows, pairs], b[rows, pairs], c[rows, pairs])
+        np.minimum.at(least, pairs, distance)
+    return np.asarray(least)
 
 
 def _smallest(path: Path) -> Distance:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_verify_separation import flights
 
-from mpc_cover.verification.connectivity import bottleneck, widest_bottleneck
+from mpc_cover.verification.connectivity import bottleneck, exchanged_bottlenecks, widest_bottleneck
 from mpc_cover.verification.motion import verify_motion
 from mpc_cover.verification.path import Path
 
@@ -123,3 +123,42 @@ def test_a_limit_saves_work_but_changes_no_verdict(path, reach):
     if abs(exact.value - reach) > 1e-5:
         assert (quick.value <= reach) == (exact.value <= reach)
         assert abs(quick.value - exact.value) <= 1e-6 + 0.011 * abs(reach - exact.value)
+
+
+def exchanged(path, other, index):
+    """Return a path of which one agent flies the other."""
+    arrays = [
+        np.where((np.arange(path.position.shape[1]) == index)[:, None], theirs, ours)
+        for ours, theirs in (
+            (path.position, other.position),
+            (path.velocity, other.velocity),
+            (path.force, other.force),
+        )
+    ]
+    return Path(path.time, *arrays)
+
+
+@given(flights())
+def test_the_bottleneck_with_one_exchanged_is_bounded_from_above_and_closely(both):
+    """Half of the agents are those of the one path, the others what each of them flies on the other path."""
+    agents = both.position.shape[1] // 2
+    path, other = (
+        Path(both.time, both.position[:, part], both.velocity[:, part], both.force[:, part])
+        for part in (slice(0, agents), slice(agents, 2 * agents))
+    )
+    bound = exchanged_bottlenecks(path, other)
+    assert bound.shape == (agents,)
+    for index in range(agents):
+        widest = widest_bottleneck(exchanged(path, other, index))
+        true = widest.value if widest is not None else 0.0
+        sagitta = np.sqrt(2) * 4.0 * np.sqrt(both.position.shape[2]) * np.diff(both.time).max() ** 2 / 8.0
+        assert true - 1e-6 <= bound[index] <= true + 2.0 * sagitta + 1e-9
+
+
+def test_exchanges_of_a_large_fleet_are_worked_on_piece_by_piece(monkeypatch):
+    rng, time = np.random.default_rng(1), 0.5 * np.arange(5)
+    start = rng.uniform(0.0, 9.0, (7, 2))
+    path, other = (fly(start, np.zeros((7, 2)), time, rng.uniform(-1.0, 1.0, (4, 7, 2))) for _ in range(2))
+    at_once = exchanged_bottlenecks(path, other)
+    monkeypatch.setattr("mpc_cover.verification.connectivity._MOST_EDGES", 200)
+    assert exchanged_bottlenecks(path, other).tolist() == at_once.tolist()

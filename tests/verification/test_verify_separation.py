@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from mpc_cover.verification.motion import verify_motion
 from mpc_cover.verification.path import Path
-from mpc_cover.verification.separation import closest_approach, smallest_separation
+from mpc_cover.verification.separation import closest_approach, smallest_separation, smallest_separations
 
 PART = np.linspace(0.0, 1.0, 2001)[:, None, None]
 
@@ -150,3 +150,44 @@ def test_smallest_separation_of_random_flights_against_dense_sampling(path):
     assert closest.value <= sampled + 1e-9
     # between two of the dense samples nobody gets farther than relative speed times half their gap
     assert closest.value >= sampled - 0.5 / 400 * 12.0
+
+
+def of_two(path, i, j):
+    """Return the smallest distance [m] of two agents, on a path of them alone."""
+    pair = [i, j]
+    closest = smallest_separation(Path(path.time, path.position[:, pair], path.velocity[:, pair], path.force[:, pair]))
+    assert closest is not None
+    return closest.value
+
+
+@given(flights())
+def test_smallest_separations_are_those_of_each_pair_on_its_own(path):
+    found = smallest_separations(path)
+    alone = [of_two(path, i, j) for i, j in zip(*path.pair, strict=True)]
+    np.testing.assert_allclose(found, alone, rtol=0.0, atol=1e-12)
+    assert found.min() == pytest.approx(smallest_separation(path).value, abs=1e-12)
+
+
+@given(flights(), st.data())
+def test_smallest_separations_of_some_pairs_in_either_order(path, data):
+    agents = st.integers(0, path.position.shape[1] - 1)
+    chosen = data.draw(st.lists(st.tuples(agents, agents).filter(lambda pair: pair[0] != pair[1]), max_size=4))
+    first, second = np.array(chosen, dtype=int).reshape(-1, 2).T
+    found = smallest_separations(path, (first, second))
+    np.testing.assert_allclose(found, [of_two(path, i, j) for i, j in chosen], rtol=0.0, atol=1e-12)
+
+
+def test_smallest_separations_along_a_path_that_is_worked_on_piece_by_piece():
+    rng, time = np.random.default_rng(0), 0.1 * np.arange(401)
+    start, force = rng.uniform(-20.0, 20.0, (30, 2)), rng.uniform(-1.0, 1.0, (400, 30, 2))
+    path = Path(time, *propagate(start, force, time), force)
+    assert len(list(path.pieces())) > 1
+    found, (first, second) = smallest_separations(path), path.pair
+    some = rng.integers(first.size, size=20)
+    np.testing.assert_allclose(found[some], [of_two(path, first[k], second[k]) for k in some], rtol=0.0, atol=1e-12)
+    assert found.min() == pytest.approx(smallest_separation(path).value, abs=1e-12)
+
+
+def test_nobody_is_near_a_lone_agent():
+    zero = np.zeros((2, 1, 2))
+    assert smallest_separations(Path(np.array([0.0, 1.0]), zero, zero, zero[:1])).size == 0

@@ -66,29 +66,25 @@ def _groups(position: FloatArray, fleet: Fleet) -> IntArray:
     for i, j, kept in zip(*all_pairs(fleet.size), tree & (length <= fleet.communication_range), strict=True):
         if kept:
             group[group == group[j]] = group[i]
-    if len(set(group[list(fleet.active)].tolist())) > 1:
+    if len(set(group[fleet.is_active].tolist())) > 1:
         return group
     # all hear each other, but hardly: the edges that are longer than they should be are the gaps
     group = np.arange(fleet.size)
     for i, j, kept in zip(*all_pairs(fleet.size), tree & (length <= NEAR * fleet.communication_range), strict=True):
         if kept:
             group[group == group[j]] = group[i]
-    if len(set(group[list(fleet.active)].tolist())) > 1:
+    if len(set(group[fleet.is_active].tolist())) > 1:
         return group
     return np.arange(fleet.size)  # it is a link that is too long, between two whom others keep in touch
 
 
 def _weights(group: IntArray, fleet: Fleet) -> Iterator[FloatArray]:
     """Yield (m,) how much each agent's group gives way: all by their speed, then all but one."""
-    slowest = np.array([fleet.speed_max[(group == own) & _active(fleet)].min(initial=np.inf) for own in group])
-    slowest[~_active(fleet)] = 0.0
+    slowest = np.array([fleet.speed_max[(group == own) & fleet.is_active].min(initial=np.inf) for own in group])
+    slowest[~fleet.is_active] = 0.0
     yield slowest
-    for still in sorted(set(group[list(fleet.active)].tolist())):
+    for still in sorted(set(group[fleet.is_active].tolist())):
         yield np.where(group == still, 1e-6, slowest)
-
-
-def _active(fleet: Fleet) -> BoolArray:
-    return np.isin(np.arange(fleet.size), fleet.active)
 
 
 def _meeting(position: FloatArray, group: IntArray, weight: FloatArray, fleet: Fleet) -> FloatArray:
@@ -112,7 +108,7 @@ def _meeting(position: FloatArray, group: IntArray, weight: FloatArray, fleet: F
             goal[group == group[j]] -= weight[j] * pull
         if worst < 1e-3 * near:
             break
-    return np.where(_active(fleet)[:, None], goal, position)
+    return np.where(fleet.is_active[:, None], goal, position)
 
 
 def _ways(position: FloatArray, goal: FloatArray, aside: float) -> list[FloatArray]:
