@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mpc_cover.planning.initial_guess.plan_repair import repaired_plan
+from mpc_cover.planning.candidate import as_flown
+from mpc_cover.planning.initial_guess.plan_repair import PlanRepair
 from mpc_cover.planning.task import Task, needs_laps
 
 if TYPE_CHECKING:
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
+    from mpc_cover.planning.candidate import Candidate
     from mpc_cover.planning.planner import Planner
-    from mpc_cover.planning.task import Candidate
 
 _REST = 0.05
 """Part of the cells on which a plan that is to bring many looks in one go may leave some."""
@@ -55,7 +56,7 @@ class CandidateGenerator:
             return slow
         task, found = self._task(state, coverage), []
         if former is not None:
-            found.append(repaired_plan(task, former))
+            found.append(_repaired(task, former))
         if state.settled or not found or not found[0].covers:
             search = self._planner.thorough if state.settled else self._planner.quick
             found.append(search(task, budget))
@@ -68,7 +69,7 @@ class CandidateGenerator:
         task = self._task(state, coverage, in_one_go=True)
         if not needs_laps(task.looks):
             return None
-        found = [] if former is None else [repaired_plan(task, former)]
+        found = [] if former is None else [_repaired(task, former)]
         if not any(one.complete for one in found):
             found = self._planner.timed_sweeps(task, budget.part(_SLOW_SWEEPS), thorough=state.settled)
         return self._best_sound((one for one in found if _brings_most(task, one)), state)
@@ -82,6 +83,11 @@ class CandidateGenerator:
         here = (state.position, state.velocity, state.time)
         fleet, owed = self._constraints.mission.fleet, weight * self._constraints.reachable
         return Task(fleet, self._cell, owed, *here, self._period, looks=looks)
+
+
+def _repaired(task: Task, former: Trajectory) -> Candidate:
+    """Return the best candidate along the ways of a former plan."""
+    return min((as_flown(task, guess) for guess in PlanRepair().guesses(task, former)), key=lambda one: one.rank)
 
 
 def _brings_most(task: Task, candidate: Candidate) -> bool:

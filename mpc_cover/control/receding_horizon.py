@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mpc_cover.control.candidate_generation import CandidateGenerator
 from mpc_cover.control.control_law import PlanSource, Proposal
 from mpc_cover.control.demand_allocation import DemandAllocation
@@ -17,10 +19,11 @@ from mpc_cover.control.fallback_policy import best_proposal, stop_proposal
 from mpc_cover.control.horizon import horizon_ocp, resolved_steps, spliced
 from mpc_cover.control.planning_constraints import PlanningConstraints
 from mpc_cover.control.recovery import Mode, ReplanHistory, Situation, next_mode, stays_at
-from mpc_cover.planning.initial_guess.rendezvous import out_of_range, rendezvous_plans
+from mpc_cover.planning.initial_guess.rendezvous import Rendezvous, out_of_range
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.planning.segment_refinement import resampled
+from mpc_cover.planning.task import Task
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
-    from mpc_cover.planning.task import Candidate
+    from mpc_cover.planning.candidate import Candidate
 
 _QPS = 2
 """QPs a step at the most: the rest of the budget is for what goes wrong."""
@@ -174,20 +177,22 @@ class RecedingHorizon:
         best = self._candidates.best(state, coverage, flight.former, budget)
         if best is None:
             return flight, replace(situation, out_of_plans=flight.plan is None), "nothing better was found"
-        idle = best.kind == "rest" and best.cost > 0.0
-        if idle and flight.plan is not None and flight.mode is not Mode.RENDEZVOUS:
+        if best.idle and flight.plan is not None and flight.mode is not Mode.RENDEZVOUS:
             return flight, situation, "no way on was found yet"
-        hasty = idle and flight.former is not None
+        hasty = best.idle and flight.former is not None
         worth = hasty or self._is_poor(best, flight, state, coverage)
         situation = replace(situation, worth_replanning=worth, on_plan=True)
-        return replace(flight, plan=best.plan, former=None), situation, best.kind
+        return replace(flight, plan=best.plan, former=None), situation, best.origin.name
 
     def _meet(self, flight: _Flight, situation: Situation, state: FleetState) -> tuple[_Flight, Situation, str]:
         """Fly on to where groups that are out of range of each other meet, or find such a plan."""
         if flight.plan is not None:
             return flight, situation, "meets again"
-        plans = rendezvous_plans(state, self._constraints.fleet, self._period)
-        plan = next((plan for plan in plans if self._constraints.keeps(plan, state)), None)
+        nothing = np.zeros((self._constraints.reachable.shape[0], 0))
+        here = (state.position, state.velocity, state.time)
+        task = Task(self._constraints.fleet, self._mission.field.cell[:0], nothing, *here, self._period)
+        plans = (guess.motion for guess in Rendezvous().guesses(task))
+        plan = next((plan for plan in plans if plan is not None and self._constraints.keeps(plan, state)), None)
         reason = "meets again" if plan is not None else "nothing better was found"
         return replace(flight, plan=plan), replace(situation, can_meet=plan is not None), reason
 

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from solvers.backends.base import Backend
 
 
+FLIGHT_S = 8.0e-5
+"""Seconds that flying a guess takes, a sample: waypoints tracked, its cost and bounds evaluated (box-3, one core)."""
+
+
 class _Clock(Protocol):
     counts: bool
 

@@ -4,30 +4,29 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.planning.initial_guess.boustrophedon import Guess, rest_guess, tour_guess
-from mpc_cover.planning.initial_guess.formation import formation_flight
-from mpc_cover.planning.multistart import Search, initial_guesses, multistart
+from mpc_cover.planning.budget import FLIGHT_S
+from mpc_cover.planning.candidate import Candidate, as_flown, as_moved, promise
+from mpc_cover.planning.initial_guess.formation import FormationFlight
+from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
+from mpc_cover.planning.initial_guess.tour import tour_guess
+from mpc_cover.planning.multistart import Search, multistart, systematic_guesses
 from mpc_cover.planning.segment_refinement import refine_segments
-from mpc_cover.planning.task import Candidate, Task, as_flown, as_moved, promise
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
+    from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
 
 _EASY, _HARD = 0.92, 0.76
 """Refined plans nearly always exist in the first part of the time in which a guess flies, and never in the second."""
 _SCREENED = 6
 """So many guesses must have been compared before only the best kinds go on."""
-_SYSTEMATIC = 19
-"""Guesses that are flown as they are; the tour is the last of them."""
 _FLYING = 0.3
 """Part of the time that flying guesses may take."""
 _KEPT = 3
@@ -59,11 +58,9 @@ def plan_free_horizon(
     and what does not. What is still left over is flown to at the end. `attempts` bounds the lengths tried.
     """
     search = search or Search()
-    flights = _flights(task, search, budget)
-    found = [as_flown(task, guess, motion) for guess, motion in flights]
-    still = rest_guess(task.position)
-    found.append(as_flown(task, still, task.flown(still, task.least_steps)))
-    work = min(motion.steps for _, motion in flights)
+    found = _flights(task, search, budget)
+    work = min(candidate.plan.steps for candidate in found)
+    found.append(as_flown(task, rest_guess(task.position), task.least_steps))
     if work * task.fleet.size > _LARGE:
         return _plan_large(task, backend, sorted(found, key=partial(promise, repair=_REPAIR)), budget)
     steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * work)
@@ -79,7 +76,7 @@ def plan_free_horizon(
         else:
             too_short = max(too_short, steps)
         if len(candidates) > _SCREENED:
-            search = replace(search, kinds=_kinds(candidates))
+            search = replace(search, names=_names(candidates))
         if shortest:
             steps = max(task.least_steps, (too_short + shortest) // 2)
         else:
@@ -94,7 +91,7 @@ def plan_free_horizon(
 
 def _plan_large(task: Task, backend: Backend, flown: list[Candidate], budget: Budget) -> Candidate:
     """Repair and improve the best guesses stretch by stretch, then fly on to what is left over."""
-    resting = next(candidate for candidate in flown if candidate.kind == "rest")
+    resting = next(candidate for candidate in flown if candidate.kind is GuessKind.REST)
     found = [resting]
     guesses = [candidate for candidate in flown if candidate is not resting]
     for number, guess in enumerate(guesses[:_TRIED]):
@@ -103,7 +100,7 @@ def _plan_large(task: Task, backend: Backend, flown: list[Candidate], budget: Bu
         until = budget.part(0.8 / (_TRIED - number))
         motion = (guess.plan.position, guess.plan.velocity)
         position, velocity = refine_segments(task, motion, backend, length=_STRETCH, passes=_PASSES, budget=until)
-        found.append(as_moved(task, position[0], velocity, guess.kind))
+        found.append(as_moved(task, position[0], velocity, guess.origin))
         if found[-1].feasible:
             break
     found += [guess for guess in guesses if guess.feasible]
@@ -128,11 +125,11 @@ def plan_min_time(
     best = plan_free_horizon(task, backend, search=replace(search, rounds=0), budget=budget)
     if not best.complete:
         return best
-    failed = 0
+    failed, systematic = 0, len(systematic_guesses(task))
     while (failures is None or failed < failures) and best.plan.steps > task.least_steps and not budget.exhausted:
         more = replace(
             search,
-            starts=_SYSTEMATIC + 8 * failed,
+            starts=systematic + 8 * failed,
             finalists=6 + 4 * failed,
             seed=search.seed + failed,
             rounds=(search.rounds or 0) * 2**failed,
@@ -148,24 +145,25 @@ def plan_min_time(
     return best
 
 
-def _flights(task: Task, search: Search, budget: Budget) -> list[tuple[Guess, Trajectory]]:
+def _flights(task: Task, search: Search, budget: Budget) -> list[Candidate]:
     """Fly systematic guesses to their ends: what they take is a measure of the work.
 
     All of them where there is time, else twice as many as are to be told apart; one at the least.
     """
-    flights: list[tuple[Guess, Trajectory]] = []
-    most, enough = (_SYSTEMATIC if search.starts > _SCREENED else 2 * search.starts), budget.part(_FLYING)
-    for guess in islice(initial_guesses(task, search), most):
-        if "random" in guess.kind or (flights and enough.exhausted):
+    flights: list[Candidate] = []
+    most, enough = (None if search.starts > _SCREENED else 2 * search.starts), budget.part(_FLYING)
+    for guess in systematic_guesses(task)[:most]:
+        if flights and enough.exhausted:
             break
-        flights.append((guess, task.flown(guess, None)))
+        flights.append(as_flown(task, guess))
+        budget.charge(FLIGHT_S * flights[-1].plan.steps)
     return flights
 
 
-def _kinds(candidates: list[Candidate]) -> tuple[str, ...]:
-    """Return the kinds of the best candidates, each once."""
-    ordered = dict.fromkeys(candidate.kind for candidate in candidates if candidate.kind != "rest")
-    return tuple(ordered)[:_KEPT]
+def _names(candidates: list[Candidate]) -> tuple[str, ...]:
+    """Return the names of the best candidates, each once."""
+    moving = (candidate.origin.name for candidate in candidates if candidate.kind is not GuessKind.REST)
+    return tuple(dict.fromkeys(moving))[:_KEPT]
 
 
 def _extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> Candidate:
@@ -187,17 +185,13 @@ def _extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget
 
 def _flown_on(rest: Task, backend: Backend, budget: Budget) -> Candidate | None:
     """Return how to measure some more of what is left over, by a tour, or as one body; None if nothing does."""
-    tour = tour_guess(rest.fleet, rest.cell, rest.weight, rest.position)
-    flight = rest.flown(tour, None)
-    more = as_flown(rest, tour, flight)
+    more = as_flown(rest, tour_guess(rest.fleet, rest.cell, rest.weight, rest.position))
     if not more.feasible and not budget.exhausted:
-        more = multistart(rest, backend, flight.steps, Search(starts=2, finalists=1), budget)[0]
+        more = multistart(rest, backend, more.plan.steps, Search(starts=2, finalists=1), budget)[0]
     if _leads_on(rest, more):
         return more
-    if (moved := formation_flight(rest, budget)) is None:
-        return None
-    more = as_flown(rest, Guess("convoy", []), moved)
-    return more if _leads_on(rest, more) else None
+    together = (as_flown(rest, guess) for guess in FormationFlight(budget).guesses(rest))
+    return next((one for one in together if _leads_on(rest, one)), None)
 
 
 def _leads_on(rest: Task, more: Candidate) -> bool:
@@ -208,4 +202,5 @@ def _leads_on(rest: Task, more: Candidate) -> bool:
 
 def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:
     velocity = np.concatenate([first.plan.velocity, second.plan.velocity[1:]])
-    return as_moved(task, first.plan.position[0], velocity, f"{first.kind}, then {second.kind}")
+    origin = Origin(first.kind, f"{first.origin.name}, then {second.origin.name}")
+    return as_moved(task, first.plan.position[0], velocity, origin)

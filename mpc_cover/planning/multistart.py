@@ -4,34 +4,37 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain, islice
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.planning.basin_hopping import basin_hopping, reweighted
-from mpc_cover.planning.initial_guess.boustrophedon import Guess, rest_guess, sweep_guesses, tour_guess
+from mpc_cover.planning.budget import FLIGHT_S
+from mpc_cover.planning.candidate import Candidate, candidate_of
+from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
+from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
+from mpc_cover.planning.initial_guess.tour import Tour
 from mpc_cover.planning.scp import SHARPNESS, evaluate, length_scale, optimise
-from mpc_cover.planning.task import Candidate, Task, candidate_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.planning.budget import Budget
+    from mpc_cover.planning.initial_guess.guess import Guess, InitialGuess
     from mpc_cover.planning.scp import SCPResult
+    from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
 
     Told = Callable[[int, Candidate], None]
 
 COARSE = (4.0, 10.0, 30.0)
 """Stages that tell good starts from bad ones: after them the order of the costs is nearly the final one."""
-_FIRST = ("comb", "snake", "strips", "tour")
+_FIRST = (GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST)
 """Kinds in the order in which they tend to end well."""
 _HOPELESS = 1.5
 """What costs more than this many sensing radii after refinement is not refined again."""
-_TOURED = 1500
-"""Cells up to which a tour is among the guesses for everything."""
 _JITTER = 0.35
 """Random starts move the waypoints of others by this part of the sensing radius."""
 
@@ -45,7 +48,7 @@ class Search:
     starts : guesses that are told apart by coarse stages; beyond the systematic ones they are random.
     finalists : the best of them, refined until one covers everything.
     seed : of the random ones.
-    kinds : only these guesses, in this order; empty for all.
+    names : only these guesses, in this order; empty for all.
     rounds : hops from the best finalist while it leaves something over; None for as many as there is time for.
     exact_cones : second-order cones instead of polytopes, where the back-end has them.
     """
@@ -53,7 +56,7 @@ class Search:
     starts: int = 10
     finalists: int = 2
     seed: int = 0
-    kinds: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
     rounds: int | None = 0
     exact_cones: bool = False
 
@@ -75,8 +78,8 @@ def multistart(
     tell = told or _nobody
     ocp = task.ocp(steps)
     screening = budget.part(0.5)
-    tried: list[tuple[str, FloatArray, SCPResult]] = []
-    for kind, x in _starts(task, steps, search, screening) if given is None else given.items():
+    tried: list[tuple[Origin, FloatArray, SCPResult]] = []
+    for origin, x in _starts(task, steps, search, screening) if given is None else _given(given):
         coarse = optimise(
             ocp,
             x,
@@ -86,21 +89,22 @@ def multistart(
             budget=budget,
             exact_cones=search.exact_cones,
         )
-        tried.append((kind, x, coarse))
+        tried.append((origin, x, coarse))
         if coarse.complete:
             break
     tried.sort(key=lambda item: (not item[2].feasible, item[2].merit))
-    found = [candidate_of(task, steps, coarse, kind) for kind, _, coarse in tried]
+    found = [candidate_of(task, steps, coarse, origin) for origin, _, coarse in tried]
     for finalist in tried[: search.finalists]:
         if min(found, key=lambda c: c.rank).complete or budget.exhausted:
             break
         found.append(_finished(task, backend, steps, finalist, budget, search))
     best = min(found, key=lambda candidate: candidate.rank)
     tell(steps, best)
-    still = ocp.decision_of(task.flown(rest_guess(task.position), steps))
+    resting = rest_guess(task.position)
+    still = ocp.decision_of(task.flown(resting, steps))
     if not best.complete and search.rounds != 0:
         found.append(_hopped(task, backend, best, [still, *(x for _, x, _ in tried)], budget, search, tell))
-    found.append(candidate_of(task, steps, evaluate(ocp, still), "rest"))
+    found.append(candidate_of(task, steps, evaluate(ocp, still), resting.origin))
     return sorted(found, key=lambda candidate: candidate.rank)
 
 
@@ -108,21 +112,21 @@ def _finished(
     task: Task,
     backend: Backend,
     steps: int,
-    finalist: tuple[str, FloatArray, SCPResult],
+    finalist: tuple[Origin, FloatArray, SCPResult],
     budget: Budget,
     search: Search,
 ) -> Candidate:
     """Refine a finalist from where the coarse stages left it, then once more from the start."""
-    kind, x, coarse = finalist
+    origin, x, coarse = finalist
     ocp = task.ocp(steps)
     exact = search.exact_cones
     refined = partial(optimise, ocp, backend=backend, budget=budget, exact_cones=exact)
     fine = refined(x=coarse.x, sharpness=SHARPNESS[2:], iterations=8, region=0.5)
-    first = candidate_of(task, steps, fine, kind)
+    first = candidate_of(task, steps, fine, origin)
     if first.complete or first.cost > _HOPELESS * length_scale(ocp) or budget.exhausted:
         return first
     again = refined(x=x)
-    return min(first, candidate_of(task, steps, again, kind), key=lambda candidate: candidate.rank)
+    return min(first, candidate_of(task, steps, again, origin), key=lambda candidate: candidate.rank)
 
 
 def _hopped(
@@ -150,18 +154,23 @@ def _hopped(
         seed=search.seed,
         budget=budget,
         exact_cones=exact,
-        told=lambda refined: tell(steps, candidate_of(task, steps, refined, best.kind)),
+        told=lambda refined: tell(steps, candidate_of(task, steps, refined, best.origin)),
     )
-    return candidate_of(task, steps, found, best.kind)
+    return candidate_of(task, steps, found, best.origin)
 
 
-def _starts(task: Task, steps: int, search: Search, until: Budget) -> Iterator[tuple[str, FloatArray]]:
-    """Yield the kinds and decision vectors of guesses as they fly, as many as are to be told apart by then."""
+def _starts(task: Task, steps: int, search: Search, until: Budget) -> Iterator[tuple[Origin, FloatArray]]:
+    """Yield the origins and decision vectors of guesses as they fly, as many as are to be told apart by then."""
     ocp = task.ocp(steps)
     for number, guess in enumerate(islice(initial_guesses(task, search), max(search.starts, 1))):
         if number and until.exhausted:
             return
-        yield guess.kind, ocp.decision_of(task.flown(guess, steps))
+        until.charge(FLIGHT_S * steps)
+        yield guess.origin, ocp.decision_of(task.flown(guess, steps))
+
+
+def _given(decisions: Mapping[str, FloatArray]) -> Iterator[tuple[Origin, FloatArray]]:
+    return ((Origin(GuessKind.GIVEN, name), x) for name, x in decisions.items())
 
 
 def _nobody(steps: int, candidate: Candidate) -> None:
@@ -169,26 +178,32 @@ def _nobody(steps: int, candidate: Candidate) -> None:
     del steps, candidate
 
 
+def systematic_guesses(task: Task) -> list[Guess]:
+    """Return all guesses from scratch that are not random, in the order of their promise."""
+    if not (task.weight > 0.0).any():
+        return [rest_guess(task.position)]
+    makers: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
+    return sorted((guess for maker in makers for guess in maker.guesses(task)), key=_promise)
+
+
+def _promise(guess: Guess) -> int:
+    return _FIRST.index(guess.origin.kind)
+
+
 def initial_guesses(task: Task, search: Search) -> Iterator[Guess]:
     """Yield guesses: the systematic ones in the order of their promise, then random relatives without end."""
-    if not (task.weight > 0.0).any():
-        yield rest_guess(task.position)
-        return
-    sweeps = sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period)
-    few = task.cell.shape[0] <= _TOURED  # a tour of everything is long to make and longer to fly
-    tours = [tour_guess(task.fleet, task.cell, task.weight, task.position)] if few else []
-    systematic = sorted(chain(sweeps, tours), key=lambda guess: _FIRST.index(guess.kind.split()[0]))
-    if search.kinds:
-        chosen = {guess.kind: guess for guess in systematic}
-        yield from (chosen[kind] for kind in search.kinds if kind in chosen)
+    systematic = systematic_guesses(task)
+    if search.names:
+        chosen = {guess.origin.name: guess for guess in systematic}
+        yield from (chosen[name] for name in search.names if name in chosen)
         return
     yield from systematic
     rng = np.random.default_rng(search.seed)
     radius = float(task.fleet.radius[np.isfinite(task.fleet.radius)].min())
     number = 0
-    while True:
+    while (task.weight > 0.0).any():
         number += 1
         guess = systematic[int(rng.integers(len(systematic)))]
         moved = [path + rng.normal(scale=_JITTER * radius, size=path.shape) for path in guess.paths]
         inside = [np.clip(path, task.fleet.motion_min, task.fleet.motion_max) for path in moved]
-        yield replace(guess, kind=f"{guess.kind}, random {number}", paths=inside)
+        yield replace(guess, origin=guess.origin._replace(name=f"{guess.origin.name}, random {number}"), paths=inside)

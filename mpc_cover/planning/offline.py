@@ -15,7 +15,7 @@ from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.min_time import FAILURES
 from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.planner import Planner
-from mpc_cover.planning.task import Task
+from mpc_cover.planning.task import End, Task
 from mpc_cover.trajectory_file import Recording
 from solvers.backends.registry import backends_with_cones
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.mission.load import Mission
-    from mpc_cover.planning.task import Candidate
+    from mpc_cover.planning.candidate import Candidate
 
 SEARCH = Search(starts=10, finalists=3, rounds=20)
 """What is searched unless something else is asked for; within a time limit the rounds go on until then."""
@@ -92,7 +92,8 @@ def offline_task(mission: Mission) -> Task:
     """Return the task of covering a mission from scratch."""
     fleet, planning = mission.fleet, mission.spec.planning
     owed = make_map(mission).demand(0.0, np.full_like(fleet.start, np.nan))  # nothing is in range before the start
-    goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if planning.end == "fixed" else None
+    end = End(planning.end)
+    goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if end is End.FIXED else None
     return Task(
         fleet,
         mission.field.cell,
@@ -102,7 +103,7 @@ def offline_task(mission: Mission) -> Task:
         0.0,
         mission.spec.control.period_s,
         start_free=planning.start == "free",
-        end=planning.end,
+        end=end,
         goal=goal,
         looks=owed.looks,
     )
@@ -114,7 +115,7 @@ def _teller(period: float, told: Callable[[str], None] | None) -> Callable[[int,
 
     def tell(steps: int, candidate: Candidate) -> None:
         outcome = "covers everything" if candidate.complete else f"J = {candidate.cost:.4g} m"
-        told(f"{steps * period:.4g} s: {outcome} ({candidate.kind})")
+        told(f"{steps * period:.4g} s: {outcome} ({candidate.origin.name})")
 
     return tell
 
@@ -136,7 +137,7 @@ def _trajectory(mission: Mission, options: PlanOptions, found: Candidate) -> Rec
             "seed": options.seed,
             "backend": options.backend,
             "cost_m": found.cost,
-            "guess": found.kind,
+            "guess": found.origin.name,
             **_solver_meta(found),
         },
     )

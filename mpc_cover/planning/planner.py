@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.planning.budget import Budget
+    from mpc_cover.planning.candidate import Candidate
     from mpc_cover.planning.ocp import OCP
     from mpc_cover.planning.scp import SCPResult
-    from mpc_cover.planning.task import Candidate, Task
+    from mpc_cover.planning.task import Task
 
 _FLIGHT_SHARPNESS = 40.0
 """In flight the minimum is as good as hard: what is planned is nearly what is flown."""
@@ -32,8 +33,8 @@ _ROOMY, _CROWDED = 0.8, 0.5
 """Parts of the time for plans with room to stop; the rest is for those without: more where that was needed before."""
 _WORTH = 0.3
 """Plans with room to stop may leave this part of what is owed over for the next."""
-_SWEEPS, _FEW_SWEEPS = 18, 3
-"""Guesses that slow plans are made from at rest, and within a step."""
+_FEW_SWEEPS = 3
+"""Guesses that slow plans are made from within a step; at rest all of them."""
 _FLOWN = 0.8
 """Part of the time for slow plans that flying them takes at the most; repairs have the rest."""
 _MENDED = 3
@@ -67,7 +68,7 @@ class Planner:
 
     def timed_sweeps(self, task: Task, budget: Budget, *, thorough: bool) -> list[Candidate]:
         """Return plans that bring all looks in one go, as slow as that takes: from all sweeps, or from a few."""
-        flown = timed_sweeps(task, _SWEEPS if thorough else _FEW_SWEEPS, budget.part(_FLOWN))
+        flown = timed_sweeps(task, None if thorough else _FEW_SWEEPS, budget.part(_FLOWN))
         if any(candidate.complete for candidate in flown):
             return flown
         return [*flown, *repaired(task, flown, self._backend, _MENDED if thorough else 1, budget)]

@@ -9,7 +9,8 @@ import numpy as np
 
 from mpc_cover.constraints.pairs import all_pairs
 from mpc_cover.errors import UserError
-from mpc_cover.planning.initial_guess.boustrophedon import rest_guess, sweep_guesses
+from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
+from mpc_cover.planning.initial_guess.guess import rest_guess
 from mpc_cover.planning.ocp import Margins, Requirements, requirements
 from mpc_cover.planning.offline import offline_task
 
@@ -61,7 +62,7 @@ def start_from(case: Case, guess: str) -> FloatArray:
     if guess == "rest":
         chosen = rest_guess(task.position)
     elif guess == "boustrophedon":
-        chosen = next(iter(sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period)))
+        chosen = next(Boustrophedon().guesses(task))
     else:
         raise UserError(f"--guess {guess}: is none: must be one of {', '.join(GUESSES)} or all")
     return case.ocp.decision_of(task.flown(chosen, case.ocp.steps))

@@ -1,4 +1,4 @@
-"""Guesses of different kinds for a motion that covers what is owed."""
+"""Boustrophedon sweeps: lanes a sensing disc wide, shared out as strips, as one cut snake, or abreast like a comb."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
 from mpc_cover.planning.initial_guess.lanes import (
     Swath,
     assign,
@@ -27,15 +28,26 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.initial_guess.lanes import Lane
+    from mpc_cover.planning.task import Task
 
 
-@dataclass(frozen=True, eq=False)
-class Guess:
-    """Waypoints for each agent: `paths[i]` is (W_i, d) [m]."""
+class Boustrophedon:
+    """Sweeps of everything owed, to and fro along each axis.
 
-    kind: str
-    paths: list[FloatArray]
+    Parameters
+    ----------
+    slow : for many looks in one pass: lanes overlap, and reach into corners.
+    """
+
+    def __init__(self, *, slow: bool = False) -> None:
+        self._slow = slow
+
+    def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
+        """Yield strips of equal work, cut snakes and combs."""
+        arrays = (task.fleet, task.cell, task.weight, task.position, task.period)
+        return sweep_guesses(*arrays, slow=self._slow)
 
 
 def sweep_guesses(
@@ -48,7 +60,13 @@ def sweep_guesses(
     """
     teams = _teams(fleet, cell, owed, period, slow=slow)
     for axis in range(cell.shape[1]):
-        yield _by_team(f"strips along axis {axis}", position, teams, partial(_strips, position=position, axis=axis))
+        yield _by_team(
+            GuessKind.STRIPS,
+            f"strips along axis {axis}",
+            position,
+            teams,
+            partial(_strips, position=position, axis=axis),
+        )
     for axis in range(cell.shape[1]):
         for mirrored, upward in product((False, True), (True, False)):
             name = f"along axis {axis}{' mirrored' * mirrored}{' downward' * (not upward)}"
@@ -60,36 +78,8 @@ def sweep_guesses(
             def combs(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
                 return comb(_even_lanes(team, a), position[team.agents], mirrored=m, upward=u)
 
-            yield _by_team(f"snake {name}", position, teams, snakes)
-            yield _by_team(f"comb {name}", position, teams, combs)
-
-
-def tour_guess(fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray) -> Guess:
-    """Return a greedy tour: again and again the agent that can be first at a cell takes it.
-
-    Made for what is left over: few, scattered cells. Arguments as in `sweep_guesses`.
-    """
-    left = owed > 0.0
-    paths = [[position[i]] for i in range(fleet.size)]
-    clock = np.zeros(fleet.size)
-    while left.any():
-        able = np.isfinite(fleet.radius) @ left.astype(float) > 0.0  # (m, K)
-        here = np.array([path[-1] for path in paths])
-        way = np.linalg.norm(here[:, None] - cell[None], axis=2)
-        arrival = np.where(able, clock[:, None] + way / fleet.speed_max[:, None], np.inf)
-        agent, goal = np.unravel_index(int(np.argmin(arrival)), arrival.shape)
-        paths[agent].append(cell[goal])
-        clock[agent] = arrival[agent, goal]
-        near = np.linalg.norm(cell - cell[goal], axis=1)
-        seen = near[None] <= 0.7 * fleet.radius[agent][:, None]
-        seen[:, goal] = np.isfinite(fleet.radius[agent])
-        left &= ~seen
-    return Guess("tour", [np.array(path[1:] or path) for path in paths])
-
-
-def rest_guess(position: FloatArray) -> Guess:
-    """Return the guess that stays: always feasible."""
-    return Guess("rest", [position[i][None] for i in range(position.shape[0])])
+            yield _by_team(GuessKind.SNAKE, f"snake {name}", position, teams, snakes)
+            yield _by_team(GuessKind.COMB, f"comb {name}", position, teams, combs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,13 +92,15 @@ class Team:
     speed: FloatArray
 
 
-def _by_team(kind: str, position: FloatArray, teams: list[Team], paths_of: Callable[[Team], list[FloatArray]]) -> Guess:
+def _by_team(
+    kind: GuessKind, name: str, position: FloatArray, teams: list[Team], paths_of: Callable[[Team], list[FloatArray]]
+) -> Guess:
     """Return the guess in which each team flies `paths_of(team)` and whoever has no work stays."""
     paths = [here[None] for here in position]
     for team in teams:
         for agent, path in zip(team.agents, paths_of(team), strict=True):
             paths[agent] = path
-    return Guess(kind, paths)
+    return Guess(Origin(kind, name), paths)
 
 
 def _teams(fleet: Fleet, cell: FloatArray, owed: FloatArray, period: float, *, slow: bool) -> list[Team]:

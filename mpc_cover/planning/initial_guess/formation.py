@@ -1,7 +1,7 @@
 """A fleet that moves as one body: nobody comes nearer to anyone, or gets farther away.
 
 Where a fleet is crowded and its range short, ways that each agent flies by itself cannot be kept apart and in touch, no
-QP repairs them, and the fleet rests for ever. Slow as it is, a convoy keeps every distance, and brings those who can
+QP repairs them, and the fleet rests for ever. Slow as it is, a formation keeps every distance, and brings those who can
 measure to what is owed.
 """
 
@@ -14,9 +14,11 @@ import numpy as np
 
 from mpc_cover.model.motion import roll_out
 from mpc_cover.model.trajectory import Trajectory
+from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
+from mpc_cover.planning.task import End
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.planning.budget import Budget
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 _NEAR = 0.8
 """Part of its sensing radius to which an agent is brought to a cell."""
 _CRUISE = 0.97
-"""Part of the slowest one's limits that a convoy uses."""
+"""Part of the slowest one's limits that a formation uses."""
 _LOOKED_AT = 60
 """Places that are compared before each leg."""
 _SPARE = 0.011
@@ -37,13 +39,30 @@ _SEEN = 0.95
 """Part of the radius within which a cell counts as measured on the way."""
 
 
+class FormationFlight:
+    """The fleet as one body.
+
+    Parameters
+    ----------
+    budget : bounds the search for places to go to; what was found by then is flown.
+    """
+
+    def __init__(self, budget: Budget) -> None:
+        self._budget = budget
+
+    def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
+        """Yield the flight, if it leads anywhere."""
+        if (motion := formation_flight(task, self._budget)) is not None:
+            yield Guess(Origin(GuessKind.FORMATION, "formation"), motion=motion)
+
+
 def formation_flight(task: Task, budget: Budget) -> Trajectory | None:
     """Return the motion of a fleet at rest as one body from cell to cell, to rest; None where that leads nowhere.
 
     Anytime: what was found within the budget.
     """
     fleet, active = task.fleet, list(task.fleet.active)
-    if np.abs(task.velocity).max() > _AT_REST or task.end != "rest" or task.start_free or not active:
+    if np.abs(task.velocity).max() > _AT_REST or task.end is not End.REST or task.start_free or not active:
         return None
     low = (fleet.motion_min - task.position[active]).max(axis=0)
     high = (fleet.motion_max - task.position[active]).min(axis=0)

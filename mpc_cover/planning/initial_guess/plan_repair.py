@@ -11,44 +11,48 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.planning.initial_guess.boustrophedon import Guess, tour_guess
-from mpc_cover.planning.task import as_flown
+from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
+from mpc_cover.planning.initial_guess.tour import tour_guess
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
+    from collections.abc import Iterator
+
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.model.trajectory import Trajectory
-    from mpc_cover.planning.task import Candidate, Task
+    from mpc_cover.planning.task import Task
 
 _EVERY = 2
 """Samples of the old plan from one waypoint to the next."""
 
 
-def repaired_plan(task: Task, old: Trajectory) -> Candidate:
-    """Return the best candidate that flies the ways of an old plan from the task's start, then to what is left over.
+class PlanRepair:
+    """Guesses from an earlier plan: each as fast as it can, or all as fast as the slowest.
 
-    Each as fast as it can, or all as fast as the slowest: then they stay as near to each other as they were.
+    In the second everyone stays as near to the others as it was.
     """
-    slowest = float(task.fleet.speed_max[list(task.fleet.active)].min())
-    even = replace(task.fleet, speed_max=np.full(task.fleet.size, slowest))
-    found = [_with_the_rest(task, old, fleet) for fleet in (task.fleet, even)]
-    return min(found, key=lambda candidate: candidate.rank)
+
+    def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:
+        """Yield motions that fly the ways of the incumbent from the task's start, then to what is left over."""
+        if incumbent is None:
+            return
+        slowest = float(task.fleet.speed_max[list(task.fleet.active)].min())
+        even = replace(task.fleet, speed_max=np.full(task.fleet.size, slowest))
+        for name, fleet in (("as before", task.fleet), ("as before, at one speed", even)):
+            yield Guess(Origin(GuessKind.REPAIR, name), motion=_flown(task, incumbent, fleet))
 
 
-def _with_the_rest(task: Task, old: Trajectory, fleet: Fleet) -> Candidate:
+def _flown(task: Task, old: Trajectory, fleet: Fleet) -> Trajectory:
     """Fly the old ways with the limits of `fleet`, which are no wider than the task's own."""
     done = min(max(round((task.start_time - old.start_time) / task.period), 0), old.steps)
     ahead = np.concatenate([old.position[done:-1:_EVERY], old.position[-1:]])
     ahead[:, task.fleet.lost] = task.position[list(task.fleet.lost)]
     paths = list(ahead.swapaxes(0, 1))
-    candidate = _flown(task, paths, fleet)
-    left = task.owed_after(candidate.plan)
+    tracked = replace(task, fleet=fleet)
+    origin = Origin(GuessKind.REPAIR, "as before")
+    motion = tracked.flown(Guess(origin, paths), None)
+    left = task.owed_after(motion)
     if not (left > 0.0).any():
-        return candidate
-    tour = tour_guess(task.fleet, task.cell, left, candidate.plan.position[-1])
-    return _flown(task, [np.concatenate(ways) for ways in zip(paths, tour.paths, strict=True)], fleet)
-
-
-def _flown(task: Task, paths: list[FloatArray], fleet: Fleet) -> Candidate:
-    guess = Guess("the ways as before", paths)
-    return as_flown(task, guess, replace(task, fleet=fleet).flown(guess, None))
+        return motion
+    tour = tour_guess(task.fleet, task.cell, left, motion.position[-1])
+    further = [np.concatenate(ways) for ways in zip(paths, tour.paths, strict=True)]
+    return tracked.flown(Guess(origin, further), None)

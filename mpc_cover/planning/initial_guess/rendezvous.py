@@ -1,4 +1,4 @@
-"""Plans for a fleet whose members are out of range of each other: groups that hear each other fly towards the others.
+"""Rendezvous of groups that are out of range of each other: each flies towards the others.
 
 After the loss of a relay nothing comes before this: those who cannot be reached cannot be warned. Each group moves as
 one body, so that nobody in it is lost on the way, and all gaps close at once.
@@ -16,6 +16,7 @@ from mpc_cover.constraints.graph import fleet_trees
 from mpc_cover.constraints.pairs import all_pairs
 from mpc_cover.model.braking import braking_velocities
 from mpc_cover.model.trajectory import Trajectory
+from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.mission.fleet import Fleet
-    from mpc_cover.model.fleet_state import FleetState
+    from mpc_cover.planning.task import Task
 
 NEAR = 0.8
 """Part of their range within which groups meet: they pass the range itself at full speed."""
@@ -39,18 +40,23 @@ def out_of_range(position: FloatArray, fleet: Fleet) -> bool:
     return bool((length[tree] > fleet.communication_range).any())
 
 
-def rendezvous_plans(start: FleetState, fleet: Fleet, period: float) -> Iterator[Trajectory]:
-    """Yield plans on which all gaps close, the fastest kinds first; whoever is lost stays where it is.
+class Rendezvous:
+    """Ways on which all gaps between groups that are out of range of each other close."""
 
-    Nothing is promised about them: obstacles and other groups may be in the way, and velocities at the start may
-    tear a group apart. They are to be verified.
-    """
-    group = _groups(start.position, fleet)
-    for weights in _weights(group, fleet):
-        goal = _meeting(start.position, group, weights, fleet)
-        for aside, first in product(_DETOURS, (False, True)):
-            paths = _ways(start.position, goal, aside * fleet.separation_min)
-            yield _flown(start, paths, fleet, group, period, brake_first=first)
+    def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
+        """Yield motions to the meeting, the fastest kinds first; whoever is lost stays where it is.
+
+        Obstacles and other groups may be in the way, and velocities at the start may tear a group apart.
+        """
+        fleet = task.fleet
+        group = _groups(task.position, fleet)
+        for weights in _weights(group, fleet):
+            goal = _meeting(task.position, group, weights, fleet)
+            for aside, first in product(_DETOURS, (False, True)):
+                paths = _ways(task.position, goal, aside * fleet.separation_min)
+                yield Guess(
+                    Origin(GuessKind.RENDEZVOUS, "rendezvous"), motion=_flown(task, paths, group, brake_first=first)
+                )
 
 
 def _tree(position: FloatArray, fleet: Fleet) -> tuple[FloatArray, BoolArray]:
@@ -125,20 +131,20 @@ def _ways(position: FloatArray, goal: FloatArray, aside: float) -> list[FloatArr
     return list(np.stack([position + 0.5 * way + bend, goal + bend], axis=1))
 
 
-def _flown(
-    start: FleetState, paths: list[FloatArray], fleet: Fleet, group: IntArray, period: float, *, brake_first: bool
-) -> Trajectory:
-    """Return the plan along the ways: at once and everyone as fast as it can, or from rest and group by group."""
+def _flown(task: Task, paths: list[FloatArray], group: IntArray, *, brake_first: bool) -> Trajectory:
+    """Return the motion along the ways: at once and everyone as fast as it can, or from rest and group by group."""
+    fleet, period, start, velocity = task.fleet, task.period, task.position, task.velocity
     if not brake_first:
-        motion = track_waypoints(paths, start.position, start.velocity, fleet, period)
-        return start.trajectory(motion.velocity[1:], period)
-    braking = braking_velocities(start.velocity, fleet, period)
-    stopped = Trajectory.from_velocities(start.position, start.velocity, braking, start.time, period).position[-1]
+        motion = track_waypoints(paths, start, velocity, fleet, period)
+        return Trajectory.from_velocities(start, velocity, motion.velocity[1:], task.start_time, period)
+    braking = braking_velocities(velocity, fleet, period)
+    stopped = Trajectory.from_velocities(start, velocity, braking, task.start_time, period).position[-1]
     together = replace(
         fleet,
         speed_max=np.array([fleet.speed_max[group == own].min() for own in group]),
         input_max=np.array([fleet.input_max[group == own].min() for own in group]),
     )
-    moved = [path + (rest - here) for path, rest, here in zip(paths, stopped, start.position, strict=True)]
-    motion = track_waypoints(moved, stopped, np.zeros_like(start.velocity), together, period)
-    return start.trajectory(np.concatenate([braking, motion.velocity[1:]]), period)
+    moved = [path + (rest - here) for path, rest, here in zip(paths, stopped, start, strict=True)]
+    motion = track_waypoints(moved, stopped, np.zeros_like(velocity), together, period)
+    later = np.concatenate([braking, motion.velocity[1:]])
+    return Trajectory.from_velocities(start, velocity, later, task.start_time, period)

@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.initial_guess.boustrophedon import Guess, sweep_guesses
+from mpc_cover.planning.budget import FLIGHT_S
+from mpc_cover.planning.candidate import as_flown, as_moved, promise
+from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.dwell_time_lp import solve_dwell_times, timed_samples
+from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_samples
 from mpc_cover.planning.segment_refinement import refine_segments
-from mpc_cover.planning.task import as_flown, as_moved, promise
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,7 +28,8 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
-    from mpc_cover.planning.task import Candidate, Task
+    from mpc_cover.planning.candidate import Candidate
+    from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
 
 _STRETCH, _PASSES = 24, 4
@@ -43,32 +46,46 @@ _ROUNDS = 4
 """How often the programme is asked again for what whole samples lack."""
 
 
-def timed_sweeps(task: Task, most: int, budget: Budget) -> list[Candidate]:
-    """Return what up to `most` sweeps come to that are flown so that every cell gets all the looks it is owed.
+class TimedSweeps:
+    """Sweeps that are timed by a linear programme, so that every cell gets all the looks it is owed.
 
-    For tasks of several looks from a given start to rest; one at the least, whatever the budget.
+    Parameters
+    ----------
+    most : sweeps at the most; None for all.
     """
+
+    def __init__(self, most: int | None = None) -> None:
+        self._most = most
+
+    def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
+        """Yield motions of each sweep in turn, the next timed for what the one before lacks.
+
+        For tasks of several looks from a given start to rest.
+        """
+        work = 0.0
+        sweeps = sorted(Boustrophedon(slow=True).guesses(task), key=lambda guess: guess.origin.kind is GuessKind.STRIPS)
+        for guess in islice(sweeps, self._most):
+            if work > _MOST_WORK:
+                return
+            work += task.cell.shape[0] * sum(_length(path) for path in guess.paths)
+            origin = Origin(GuessKind.TIMED_SWEEP, f"slow {guess.origin.name}")
+            for motion in _flown(task, guess):
+                yield Guess(origin, motion=motion)
+
+
+def timed_sweeps(task: Task, most: int | None, budget: Budget) -> list[Candidate]:
+    """Return what up to `most` timed sweeps come to (None: all), judged; one at the least, whatever the budget."""
     found: list[Candidate] = []
-    guesses = sweep_guesses(task.fleet, task.cell, task.weight, task.position, task.period, slow=True)
-    work = 0.0
-    for guess in islice(sorted(guesses, key=_reluctance), most):
-        if found and (budget.exhausted or work > _MOST_WORK):
+    for guess in TimedSweeps(most).guesses(task):
+        found.append(as_flown(task, guess))
+        budget.charge(FLIGHT_S * found[-1].plan.steps)
+        if budget.exhausted:
             break
-        work += task.cell.shape[0] * sum(_length(path) for path in guess.paths)
-        for motion in _flown(task, guess):
-            found.append(as_flown(task, Guess(f"slow {guess.kind}", guess.paths), motion))
-            if found[-1].cost == 0.0 or budget.exhausted:
-                break
     return found
 
 
 def _length(path: FloatArray) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-
-
-def _reluctance(guess: Guess) -> bool:
-    """Put off strips, which take longer than snakes and combs: those who plan in flight have time for a few."""
-    return guess.kind.startswith("strips")
 
 
 def repaired(task: Task, flown: list[Candidate], backend: Backend, most: int, budget: Budget) -> list[Candidate]:
@@ -92,7 +109,7 @@ def _mended(task: Task, guess: Candidate, backend: Backend, budget: Budget) -> C
         position, velocity = refine_segments(
             heavier, (position, velocity), backend, length=_STRETCH, passes=1, budget=budget
         )
-        candidate = as_moved(task, position[0], velocity, guess.kind)
+        candidate = as_moved(task, position[0], velocity, guess.origin)
         best = min(best, candidate, key=lambda one: one.rank)
         weight = np.where(task.owed_after(candidate.plan) > 0.0, _KICK * weight, weight)
     return best
@@ -109,7 +126,11 @@ def _flown(task: Task, guess: Guess) -> Iterator[Trajectory]:
         if found is None:
             return
         steps = int(np.ceil(max(float(samples.sum()) for samples in found.samples) - 1e-9)) + 1
-        motion = track_samples(timed_samples(found, steps), task.position, task.velocity, task.fleet, task.period)
+        motion = track_samples(
+            timed_samples(found, steps), task.position, task.velocity, task.fleet, task.period, task.start_time
+        )
         yield motion
         lacking = np.maximum(owed - look_counts(motion.position, task.cell, task.fleet.radius), 0.0)
+        if not lacking.any():
+            return
         asked = np.where(lacking > 0.0, asked + lacking, asked)

@@ -45,7 +45,7 @@ def _planned(case: Case, x: FloatArray, watch: Watch, backend: str, given: Mappi
     found = case.ocp.decision(best.plan.position[0], best.plan.velocity)
     stages = best.refined.stages if best.refined is not None else ()
     ended = f": {stages[-1].outcome.sentence}" if stages else ""
-    return watch.answer(found, seen.count, f"best start: {best.kind}{ended}")
+    return watch.answer(found, seen.count, f"best start: {best.origin.name}{ended}")
 
 
 class _Iterates:
