@@ -197,7 +197,6 @@ class FleetSupervisor:
     def _readmit(self, index: int) -> None:
         name, link = self._ids[index], self.fleet.links[index]
         link.freeze()
-        self._publisher.forget(index)
         self._speeds.forget(index)
         self._tell(_kind("back", name), f"{name} is back: work is shared with it again")
 
