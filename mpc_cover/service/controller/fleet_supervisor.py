@@ -79,6 +79,8 @@ class FleetSupervisor:
     def assess(self, now_s: float, patience_s: float) -> str:
         """See who is lost, back or slow; return why everyone should rather stop and wait, if so."""
         self._learn_speeds()
+        for name in self.fleet.reborn:  # no plan of before is for it
+            self._publisher.forget(self._ids.index(name))
         if not self._tolerates_losses:
             return self._who_is_missed(now_s)
         lost = self._detector.lost
@@ -190,8 +192,6 @@ class FleetSupervisor:
 
     def _note_loss(self, index: int) -> None:
         name = self._ids[index]
-        if name in self.fleet.reborn:
-            self._publisher.forget(index)
         self._tell(_kind("lost", name), f"{name} is lost: its work is shared out")
 
     def _readmit(self, index: int) -> None:

@@ -1,8 +1,5 @@
 """A successor finds what was covered, whatever happened to the disk."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from service_fakes import small_mission
@@ -10,7 +7,7 @@ from service_fakes import small_mission
 from mpc_cover.service.controller import state_directory
 from mpc_cover.service.controller.checkpoint import FileCheckpoints, pack, unpack
 from mpc_cover.service.controller.snapshot import Snapshot
-from mpc_cover.service.controller.state_directory import StateDirectory, StateError
+from mpc_cover.service.controller.state_directory import StateDirectory
 
 
 def snapshot(mission, mission_time_s=1.0, **fields):
@@ -114,44 +111,3 @@ def test_a_disk_that_is_full_is_told_and_the_older_one_stays(folder, mission, mo
     assert checkpoints(folder, mission).load()[0].mission_time_s == 1.0
     assert writer.save(snapshot(mission, 3.0), now=True) is None
     assert checkpoints(folder, mission).load()[0].mission_time_s == 3.0
-
-
-def test_epochs_only_grow(tmp_path):
-    for epoch in (1, 2, 3):
-        with StateDirectory(tmp_path) as folder:
-            assert folder.next_epoch() == epoch
-
-
-@pytest.mark.parametrize("content", ["", "seven", "\xff"])
-def test_a_damaged_counter_is_no_guess(tmp_path, content):
-    (tmp_path / "epoch").write_text(content, encoding="utf-8")
-    with StateDirectory(tmp_path) as folder, pytest.raises(StateError, match="is damaged"):
-        folder.next_epoch()
-
-
-def test_a_second_controller_is_told_of_the_first(folder):
-    with pytest.raises(StateError, match="another controller uses it"):
-        StateDirectory(folder.path)
-
-
-def test_a_killed_holder_lets_go_of_the_lock(tmp_path):
-    code = (
-        "import sys; from pathlib import Path\n"
-        "from mpc_cover.service.controller.state_directory import StateDirectory\n"
-        "held = StateDirectory(Path(sys.argv[1])); print('held', flush=True); sys.stdin.read()"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", code, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as holder:
-        assert holder.stdout.readline() == b"held\n"
-        with pytest.raises(StateError):
-            StateDirectory(tmp_path)
-        holder.kill()
-        holder.wait()
-        StateDirectory(tmp_path).close()
-
-
-def test_a_place_that_cannot_be_one(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(StateError, match="cannot be used"):
-        StateDirectory(tmp_path / "file" / "state")
