@@ -180,7 +180,7 @@ FAULTS = {
     "a velocity that is no number": (lambda plan, _: _with(plan, "velocity", np.nan), "velocity must be finite"),
     "a position that is no number": (lambda plan, _: _with(plan, "position", np.nan), "position must be finite"),
     "an input without bound": (lambda plan, _: _with(plan, "input", np.inf), "input must be finite"),
-    "a time that is no number": (lambda plan, _: _with(plan, "time", np.nan), "samples must lie every 0.5 s"),
+    "a time that is no number": (lambda plan, _: plan.shift(np.nan), "samples must lie every 0.5 s"),
     "no rest at its end": (never_at_rest, "rest at the end"),
     "one agent too few": (lambda plan, _: _cut(plan, 1), "position has shape"),
     "a sample too few": (lambda plan, _: replace(plan, input=plan.input[:-1]), "input has shape"),

@@ -10,7 +10,7 @@ from mpc_cover.clock import MonotonicClock
 from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.bus import RequestError, TransportError
 from mpc_cover.service.protocol.decoding import MAX_PAYLOAD
-from mpc_cover.service.protocol.network import NetworkOptions, check_endpoint
+from mpc_cover.service.protocol.network import NetworkOptions
 from mpc_cover.service.protocol.transport import open_transport
 from mpc_cover.service.run.processes import free_port
 
@@ -200,21 +200,6 @@ def test_a_signal_ends_the_wait_for_an_endpoint(endpoint):
     stop.set()
     with pytest.raises(InterruptedError):
         open_transport(NetworkOptions(connect=(endpoint,)), MonotonicClock(), stop)
-
-
-@pytest.mark.parametrize(
-    "endpoint", ["", "tcp", "tcp/", "tcp/:1", "tcp/host", "tcp/host:port", "tcp/host:70000", "127.0.0.1:7474"]
-)
-def test_what_is_no_endpoint_is_told(endpoint):
-    with pytest.raises(TransportError, match="must look like tcp/127"):
-        check_endpoint(endpoint)
-
-
-@pytest.mark.parametrize(
-    "endpoint", ["tcp/127.0.0.1:7474", "tcp/[::1]:7474", "tls/host.example:1?so_rcvbuf=1", "unixsock-stream/x"]
-)
-def test_what_is_an_endpoint(endpoint):
-    assert check_endpoint(endpoint) == endpoint
 
 
 @pytest.mark.parametrize(
