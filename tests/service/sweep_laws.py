@@ -1,4 +1,4 @@
-"""Control laws for tests: sweeps in straight lines without optimisation, exact on the grid; also slow and faulty ones."""
+"""Control laws for tests: straight sweeps without optimisation, exact on the grid; some are slow, some are faulty."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -189,7 +189,10 @@ FAULTS = {
         "with one step at the least",
     ),
     "one sample": (lambda plan, _: plan.slice(0, 0), "with one step at the least"),
-    "a start elsewhere": (lambda plan, _: replace(plan, position=plan.position + [0.1, 0.0]), "start position"),
+    "a start elsewhere": (
+        lambda plan, _: replace(plan, position=plan.position + np.array([0.1, 0.0])),
+        "start position",
+    ),
     "a start at another time": (lambda plan, _: plan.shift(0.5), "samples must lie every 0.5 s"),
     "a jump": (lambda plan, _: _with(plan, "position", 1.0), "dynamics of position"),
     "another period": (lambda plan, _: replace(plan, period=0.25), "samples must lie every 0.5 s"),
@@ -199,7 +202,7 @@ FAULTS = {
     "lists for arrays": (lambda plan, _: replace(plan, input=plan.input.tolist()), "input must be an array"),
     "no trajectory": (lambda _, __: None, "time must be an array"),
 }
-"""What is wrong with a plan: from a good one and the state it is for; and words of the reason for which it is refused."""
+"""What makes a good plan faulty, given the state that it is for; and words of the reason for which it is refused."""
 
 
 class FaultyLaw(StraightSweepLaw):

@@ -17,9 +17,7 @@ def test_it_goes_on_from_a_snapshot_and_asks_what_was_measured_since(bench, flee
     bench.run(first, until=lambda: len(law.states) > 4)
     bench.run(seconds=20.0)  # the first is dead: nobody ticks it
     truth = bench.clock.now() - 100.5
-    second = bench.controller(
-        StraightSweepLaw(bench.mission), epoch=2, identity="second", resume=checkpoints.kept
-    )
+    second = bench.controller(StraightSweepLaw(bench.mission), epoch=2, identity="second", resume=checkpoints.kept)
     bench.run(second, until=lambda: second.done)
     assert second.exit_status == 0
     assert second.coverage.complete

@@ -1,4 +1,4 @@
-"""What is sent is what the safety filter admits; and a plan that an agent turned away is not what the next starts from."""
+"""What is sent is what the safety filter admits, and what an agent turned away is not what the next plan starts from."""
 
 import numpy as np
 import pytest
@@ -136,7 +136,7 @@ def test_later_plans_are_held_to_no_more_than_the_last_one_sent_attains(ground):
     """Out of the box already, a fleet may fly on as it was admitted to; further out it may not."""
     state = ground.at_rest()
     assert ground.publish(ground.plan(state, 0.2), state).admitted
-    below = state.position + [0.0, -0.6]
+    below = state.position + np.array([0.0, -0.6])
     outside = FleetState.nominal(below, np.zeros_like(below), 101.0)
     still = Trajectory.at_rest(below, 101.0, PERIOD, 8)
     assert ground.publish(still, outside).admitted

@@ -10,7 +10,6 @@ from sweep_laws import FAULTS, FaultyLaw, SharingLaw, StraightSweepLaw, Thoughtf
 
 from mpc_cover.clock import VirtualClock
 from mpc_cover.planning.budget import Budget
-from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.decoding import Reason
 from mpc_cover.service.protocol.messages import CommandRequest, Phase, encode
 

@@ -1,16 +1,13 @@
 """A fleet without a controller on a virtual clock: it finishes, whatever is lost, and nothing comes too near."""
 
-import msgspec
 import numpy as np
 import pytest
 from swarm_missions import swarm_mission
 
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import true_field
-from mpc_cover.information.delay import adjacency
 from mpc_cover.mission.load import load_mission
 from mpc_cover.service.run.swarm_simulate import fly_swarm
-from mpc_cover.service.swarm.radio import Codec
 from mpc_cover.trajectory_file import save_trajectory
 from mpc_cover.verification.check import check_trajectory
 
@@ -118,59 +115,6 @@ def test_a_dead_agent_that_rests_before_the_last_cell_is_gone_around():
 def test_when_all_die_nothing_is_complete():
     flight = fly_swarm(swarm_mission(2), deaths={"a1": 1.0, "a2": 2.0})
     assert not flight.complete
-
-
-def test_words_that_get_lost_cost_time_only():
-    rng = np.random.default_rng(0)
-
-    def channel(key, payload):
-        return [] if key.endswith("/word") and rng.random() < 0.15 else [payload, payload]
-
-    flight = fly_swarm(swarm_mission(4), seed=3, channel=channel)
-    assert flight.complete, "what is missed is asked for again"
-    assert holds(flight)
-
-
-def test_nobody_believes_who_is_out_of_range():
-    """Whoever an agent says that it has heard was within rho_C at that sample."""
-    mission, states, heard = swarm_mission(4, size=8.0), {}, []
-    codec = Codec(mission)
-
-    def channel(key, payload):
-        if key.endswith("/word"):
-            own = codec.report(codec.word(payload).own)
-            if not own.promised:
-                states[own.sample, own.agent] = own.position
-                heard.append(own)
-        return [payload]
-
-    assert fly_swarm(mission, seed=4, channel=channel).complete
-    apart = 0
-    for report in heard:
-        before = report.sample - 1
-        for other in range(4):
-            if other == report.agent or (before, other) not in states or (before, report.agent) not in states:
-                continue
-            near = adjacency(np.array([states[before, report.agent], states[before, other]]), 3.5)[0, 1]
-            assert near or other not in report.heard
-            apart += not near
-    assert apart > 20, "they were out of each other's range for a while"
-
-
-def test_maps_over_estimate_until_word_comes():
-    mission = swarm_mission(4, size=6.0)
-    owed = {}
-
-    def channel(key, payload):
-        if key.endswith("/word"):
-            word = msgspec.json.decode(payload)
-            owed.setdefault(word["own"]["sample"], {})[word["agent"]] = word.get("owed", 0)
-        return [payload]
-
-    flight = fly_swarm(mission, seed=1, channel=channel)
-    for sample, each in owed.items():
-        true = (flight.trajectory.covered_at > (sample - 1) * 0.5 + 1e-9).sum()
-        assert min(each.values()) >= true
 
 
 def test_time_runs_out():
