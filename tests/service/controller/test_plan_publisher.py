@@ -1,4 +1,4 @@
-"""What is sent is what the safety filter admits, and what an agent turned away is not what the next plan starts from."""
+"""What is sent is what the safety filter admits; what an agent turned away is not what the next plan starts from."""
 
 import numpy as np
 import pytest
