@@ -76,7 +76,7 @@ class RecedingHorizon:
 
     def __init__(self, mission: Mission, *, backend: str = "piqp", seed: int = 0) -> None:
         self.seed = seed
-        self._mission, self._field, self._period = mission, mission.field, mission.spec.control.period_s
+        self._field, self._period = mission.field, mission.spec.control.period_s
         self._planning_s = mission.spec.control.planning_time_s
         self._constraints = PlanningConstraints(mission)
         self._planner = Planner(backend)
@@ -190,7 +190,7 @@ class RecedingHorizon:
             return flight, situation, "meets again"
         nothing = np.zeros((self._constraints.reachable.shape[0], 0))
         here = (state.position, state.velocity, state.time)
-        task = Task(self._constraints.fleet, self._mission.field.cell[:0], nothing, *here, self._period)
+        task = Task(self._constraints.fleet, self._field.cell[:0], nothing, *here, self._period)
         plans = (guess.motion for guess in Rendezvous().guesses(task))
         plan = next((plan for plan in plans if plan is not None and self._constraints.keeps(plan, state)), None)
         reason = "meets again" if plan is not None else "nothing better was found"
@@ -236,15 +236,15 @@ class RecedingHorizon:
         self, plan: Trajectory, state: FleetState, coverage: FlownMap, budget: Budget
     ) -> tuple[Trajectory, str]:
         """Re-solve the segment within the horizon, a sample shorter if all that was to be covered still is."""
-        mission = self._constraints.mission
-        segment = resolved_steps(plan, mission)
-        weight, looks = self._left_by(plan.position[segment + 1 :], state, coverage)
-        ocp = replace(horizon_ocp(plan, mission, weight, segment, segment), looks=looks)
+        fleet, cell = self._constraints.planned, self._field.cell
+        segment = resolved_steps(plan, fleet, self._constraints.horizon)
+        owed = self._left_by(plan.position[segment + 1 :], state, coverage)
+        ocp = horizon_ocp(plan, fleet, cell, owed, segment, segment)
         x = ocp.decision(plan.position[0], plan.velocity[: segment + 1])
         now = self._planner.evaluate(ocp, x)
         sooner = now.cost == 0.0 and now.braking_violation <= BRAKING_TOLERANCE and segment > _SHORTEST
         if sooner:
-            ocp = replace(horizon_ocp(plan, mission, weight, segment, segment - 1), looks=looks)
+            ocp = horizon_ocp(plan, fleet, cell, owed, segment, segment - 1)
             x = ocp.decision(plan.position[0], resampled(plan.velocity[: segment + 1], segment - 1))
         found = self._planner.polish(ocp, x, _QPS, budget.part(_SHARE))
         better = found.complete if sooner else found.merit < now.merit
@@ -273,7 +273,7 @@ class RecedingHorizon:
 
     def _left_by(self, later: FloatArray, state: FleetState, coverage: FlownMap) -> tuple[FloatArray, IntArray | None]:
         """Return weights and looks (J, K) of what is asked for and not brought by later positions of the plan."""
-        weight, looks = self._allocation.left(coverage, state, later, self._constraints.mission.fleet.radius)
+        weight, looks = self._allocation.left(coverage, state, later, self._constraints.planned.radius)
         return weight * self._constraints.reachable, looks
 
 

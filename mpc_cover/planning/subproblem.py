@@ -30,7 +30,7 @@ from solvers.qp import QP, SecondOrderCones
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.coverage.majoriser import Majoriser
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.planning.ocp import OCP, Requirements, Settings
 
 _NEGLIGIBLE = 1e-6
@@ -122,7 +122,7 @@ def pair_rows(
     return blocks
 
 
-def _off_the_chord(fleet: Fleet, period: float) -> FloatArray:
+def _off_the_chord(fleet: FleetConstraints, period: float) -> FloatArray:
     """Return (pairs,) what the distance of each pair may leave its chord by between samples, a_rel T_s^2 / 8 [m]."""
     one, two = all_pairs(fleet.size)
     return np.asarray((fleet.input_max[one] + fleet.input_max[two]) * period**2 / 8.0)
@@ -133,9 +133,11 @@ def stop_rows(
 ) -> list[Rows]:
     """Return the elastic rows that leave room to stop around a motion, where the fleet asks for it."""
     fleet, near = ocp.fleet, min(2.0 * radius, settings.stop_reach)
-    if fleet.reaction == 0:
+    if fleet.reaction_periods == 0:
         return []
-    met = [braking_encounters(*motion, ocp.period, fleet, moment, near) for moment in stop_instants(fleet.reaction)]
+    met = [
+        braking_encounters(*motion, ocp.period, fleet, moment, near) for moment in stop_instants(fleet.reaction_periods)
+    ]
     rows = [passive_safety_rows(layout, *motion, ocp.period, fleet, found) for found in met]
     rows.append(box_overshoot_rows(layout, *motion, fleet, near, ocp.first))
     return [block for block in rows if block.count]
