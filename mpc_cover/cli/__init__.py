@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from mpc_cover.cli import agent, bench, check, demo, plan, plot, serve, simulate, size, study
+from mpc_cover.cli import agent, bench, check, demo, plan, plot, retask, serve, simulate, size, study
 from mpc_cover.errors import UserError
 
 USER_ERROR = 2
@@ -50,6 +50,7 @@ app.command()(check.check)
 app.command()(plot.plot)
 app.command()(serve.serve)
 app.command()(agent.agent)
+app.command()(retask.retask)
 app.command()(size.size)
 app.add_typer(bench.app)
 app.add_typer(study.app)

@@ -13,7 +13,7 @@ def test_version(run):
 
 
 @pytest.mark.parametrize(
-    "command", [(), ("demo",), ("serve",), ("agent",), ("simulate",), ("plan",), ("check",), ("plot",)]
+    "command", [(), ("demo",), ("serve",), ("agent",), ("retask",), ("simulate",), ("plan",), ("check",), ("plot",)]
 )
 def test_help(run, command):
     status, out, err = run(*command, "--help")

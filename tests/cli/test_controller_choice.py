@@ -15,6 +15,7 @@ from tiny_mission import WIDE
         (["simulate", "fig-5-1"], "fly it with --controller potential"),
         (["agent", "fig-5-1", "--id", "a1"], "fly it with --controller potential"),
         (["plan", "fig-5-1"], "fly it with --controller potential"),
+        (["retask", "fig-5-1"], "fly it with --controller potential"),
         (["serve", "fig-5-1"], "fly it with --controller potential"),
         (["bench", "planner", "fig-5-1"], "fly it with --controller potential"),
         (["bench", "step", "fig-5-1"], "fly it with --controller potential"),

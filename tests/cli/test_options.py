@@ -10,6 +10,7 @@ COMMANDS = [
     pytest.param(("demo",), id="demo"),
     pytest.param(("serve",), id="serve"),
     pytest.param(("agent", "--id", "a1"), id="agent"),
+    pytest.param(("retask",), id="retask"),
 ]
 
 

@@ -65,6 +65,10 @@ class ControlStep:
         self._control, self._speed, self._deadlines = budget.control, budget.speed, budget.deadlines
         self._begun = 0.0
 
+    def take_up(self, law: ControlLaw, control: Control) -> None:
+        """Plan by another law from now on, for another version of the mission."""
+        self._law, self._control, self.failures = law, control, 0
+
     def prepare(self, position: FloatArray, velocity: FloatArray) -> StepOutcome:
         """Return the first plan of a fleet at rest at (m, d) [m]; whatever the brain raises goes through."""
         self._begun = time.perf_counter()

@@ -62,9 +62,26 @@ class FleetSupervisor:
         self._horizon_s = control.horizon_steps * control.period_s
         self._rests = {self._ids.index(name): np.array(place) for name, place in rests.items() if name in self._ids}
         self._straying: set[int] = set()
+        self._on_earlier_versions: list[str] = []
         if self._rests and isinstance(law, ToleratesLosses):
             self._detector.lost = dict.fromkeys(self._rests, FailureMode.BRAKES)
             self._share()
+
+    def take_up(self, law: ControlLaw) -> None:
+        """Judge for another law from now on, which is told who is lost and who is slow."""
+        self._law = law
+        if self._detector.lost and isinstance(law, ToleratesLosses):
+            self._share()
+        for index in np.flatnonzero(self._speeds.part < 1.0).tolist():
+            if isinstance(law, LimitsSpeed):
+                law.limit_speed(index, float(self._speeds.part[index]))
+
+    def tell_versions(self) -> None:
+        """Tell whose mission file is an earlier version, when that has changed."""
+        before, self._on_earlier_versions = self._on_earlier_versions, self.fleet.on_earlier_versions()
+        if self._on_earlier_versions and self._on_earlier_versions != before:
+            names = ", ".join(self._on_earlier_versions)
+            self._tell("versions", f"started with an earlier version of this mission, for the same fleet: {names}")
 
     @property
     def lost(self) -> list[str]:

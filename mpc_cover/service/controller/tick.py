@@ -14,20 +14,21 @@ import math
 from typing import TYPE_CHECKING
 
 from mpc_cover.control.control_law import KnowsReachability, ReplansAtRest
-from mpc_cover.service.controller.commands import CommandDesk
+from mpc_cover.service.controller.commands import CommandDesk, Decision
 from mpc_cover.service.controller.control_step import Budget, ControlStep
 from mpc_cover.service.controller.fleet_supervisor import FleetSupervisor
 from mpc_cover.service.controller.heartbeat import Heartbeat
 from mpc_cover.service.controller.measurement_update import MeasurementUpdate
 from mpc_cover.service.controller.mission_clock import MissionClock
 from mpc_cover.service.controller.plan_publisher import PlanPublisher, UnknownPlanError
+from mpc_cover.service.controller.retask import consider_retask
 from mpc_cover.service.controller.snapshot import NoCheckpoints
 from mpc_cover.service.controller.step_log import StepLog
 from mpc_cover.service.protocol.keys import Keys
 from mpc_cover.service.protocol.messages import Phase
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from mpc_cover.clock import Clock
     from mpc_cover.control.control_law import ControlLaw
@@ -53,6 +54,8 @@ class Controller:
     speed : how many seconds of `clock` pass in one of the machine's.
     deadlines : whether steps have one; without, runs are deterministic.
     stay : whether to keep answering after the mission is complete.
+    law_for : returns a control law for a mission; without, no other version of it can be taken up. `versions` are the
+        fingerprints of earlier ones.
     journal : keeps what was covered; `resume` is what an earlier controller kept, and what was measured since
         is asked of the agents.
     say : told events in words.
@@ -72,6 +75,8 @@ class Controller:
         stay: bool = False,
         checkpoints: CheckpointStore | None = None,
         resume: Snapshot | None = None,
+        law_for: Callable[[Mission], ControlLaw] | None = None,
+        versions: Sequence[str] = (),
         steps: StepLog | None = None,
         say: Callable[[str], None] | None = None,
     ) -> None:
@@ -88,7 +93,8 @@ class Controller:
         self._measurements = MeasurementUpdate(
             mission, transport, law.coverage, self._mission_clock, speed=speed, resume=resume
         )
-        self.fleet = self._measurements.fleet
+        self.fleet, self._law_for = self._measurements.fleet, law_for
+        self.fleet.earlier_versions = list(versions)
         plan_publisher, tell = PlanPublisher(mission, transport, epoch, identity), self.heartbeat.events.tell
         self.supervisor = FleetSupervisor(mission, self.fleet, plan_publisher, law, resume.lost if resume else {}, tell)
         budget = Budget(self._control, speed, deadlines)
@@ -155,10 +161,30 @@ class Controller:
 
     def _obey(self) -> None:
         for command in self._desk.take():
-            if command == "abort":
+            if command.name == "abort":
                 self._enter(Phase.FAILED, "aborted: everyone finishes its plan")
-            elif command == "pause" and self.phase is Phase.FLYING:
+            elif command.name == "pause" and self.phase is Phase.FLYING:
                 self._regroup("paused")
+            elif command.name == "retask":
+                self._desk.decide(command, self._retask(command.mission))
+
+    def _retask(self, text: str) -> Decision:
+        """Go on with another version of the mission: its map at once, its plans once everyone is at rest."""
+        if self._law_for is None or self.phase is Phase.FAILED:
+            return Decision(accepted=False, text=f"refused: there is no going on: {self.heartbeat.text}")
+        now_s = self._mission_clock.now()
+        retask, decision = consider_retask(text, self.mission, self.law.coverage, now_s, self._law_for)
+        if retask is not None:
+            self.mission, self.law, self._control = retask.mission, retask.law, retask.mission.spec.control
+            self._measurements.take_up(self.mission, self.law.coverage)
+            self.supervisor.take_up(self.law)
+            self._control_step.take_up(self.law, self._control)
+            self._checkpoints.take_up(self.mission)
+            self._complete_s, self.done = math.inf, False
+            self._listen()  # what was heard while the law was made
+            self._regroup("retasked")
+            self._save(now=True)
+        return decision
 
     # the phases
 
@@ -196,6 +222,7 @@ class Controller:
         if missing or self.supervisor.moved_from(position):
             self._regroup(missing or "someone moved")
             return
+        self.supervisor.tell_versions()
         self._control_step.take_off(result, self.supervisor)
         self._flown = True
         self._enter(Phase.FLYING, "flying")
@@ -260,8 +287,10 @@ class Controller:
 
     def _land(self) -> None:
         """Nothing new is sent; wait until everyone that is heard has finished its plan."""
-        staying = self._stay and self.phase is Phase.COMPLETE
-        self.done = not staying and not self.fleet.moving(self._clock.now())
+        staying, moving = self._stay and self.phase is Phase.COMPLETE, self.fleet.moving(self._clock.now())
+        self.done = not staying and not moving
+        if staying and not moving:
+            self._mission_clock.pause()
 
     # what a tick leaves behind
 
