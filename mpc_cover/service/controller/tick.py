@@ -16,20 +16,21 @@ from typing import TYPE_CHECKING
 from mpc_cover.control.recovery import Mode
 from mpc_cover.information.build import make_map
 from mpc_cover.planning.budget import Budget
-from mpc_cover.service.controller.commands import CommandDesk
+from mpc_cover.service.controller.commands import CommandDesk, Decision
 from mpc_cover.service.controller.control_step import ControlStep
 from mpc_cover.service.controller.fleet_supervisor import FleetSupervisor
 from mpc_cover.service.controller.heartbeat import Heartbeat
 from mpc_cover.service.controller.measurement_update import MeasurementUpdate
 from mpc_cover.service.controller.mission_clock import MissionClock
 from mpc_cover.service.controller.plan_publisher import PlanPublisher, UnknownPlanError
+from mpc_cover.service.controller.retask import consider_retask
 from mpc_cover.service.controller.snapshot import NoCheckpoints
 from mpc_cover.service.controller.step_log import StepLog
 from mpc_cover.service.protocol.keys import Keys
 from mpc_cover.service.protocol.messages import Phase
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from mpc_cover.clock import Clock
     from mpc_cover.control.control_law import ControlLaw
@@ -56,7 +57,9 @@ class Controller:
     budget_of : makes the budget of a step from its seconds of the machine's: of time, or of counted work, with which
         runs are deterministic.
     stay : whether to keep answering after the mission is complete.
-    journal : keeps what was covered; `resume` is what an earlier controller kept, and what was measured since
+    law_for : returns a control law for a mission; without, no other version of it can be taken up. `versions` are the
+        fingerprints of earlier ones.
+    checkpoints : keeps what was covered; `resume` is what an earlier controller kept, and what was measured since
         is asked of the agents.
     say : told events in words.
     """
@@ -75,6 +78,8 @@ class Controller:
         stay: bool = False,
         checkpoints: CheckpointStore | None = None,
         resume: Snapshot | None = None,
+        law_for: Callable[[Mission], ControlLaw] | None = None,
+        versions: Sequence[str] = (),
         steps: StepLog | None = None,
         say: Callable[[str], None] | None = None,
     ) -> None:
@@ -92,8 +97,10 @@ class Controller:
         self._measurements = MeasurementUpdate(
             mission, transport, self.coverage, self._mission_clock, speed=speed, resume=resume
         )
-        self.fleet = self._measurements.fleet
-        publisher, tell = PlanPublisher(mission, transport, epoch, identity), self.heartbeat.events.tell
+        self.fleet, self._law_for = self._measurements.fleet, law_for
+        self.fleet.earlier_versions = list(versions)
+        self._publisher = publisher = PlanPublisher(mission, transport, epoch, identity)
+        tell = self.heartbeat.events.tell
         rests = resume.lost if resume else {}
         self.supervisor = FleetSupervisor(
             mission, self.fleet, publisher, rests, tell, tolerates_losses=law.tolerates_losses
@@ -171,10 +178,32 @@ class Controller:
 
     def _obey(self) -> None:
         for command in self._desk.take():
-            if command == "abort":
+            if command.name == "abort":
                 self._enter(Phase.FAILED, "aborted: everyone finishes its plan")
-            elif command == "pause" and self.phase is Phase.FLYING:
+            elif command.name == "pause" and self.phase is Phase.FLYING:
                 self._regroup("paused")
+            elif command.name == "retask":
+                self._desk.decide(command, self._retask(command.mission))
+
+    def _retask(self, text: str) -> Decision:
+        """Go on with another version of the mission: its map at once, its plans once everyone is at rest."""
+        if self._law_for is None or self.phase is Phase.FAILED:
+            return Decision(accepted=False, text=f"refused: there is no going on: {self.heartbeat.text}")
+        now_s = self._mission_clock.now()
+        retask, decision = consider_retask(text, self.mission, self.coverage, now_s, self._law_for)
+        if retask is not None:
+            self.mission, self.law, self.coverage = retask.mission, retask.law, retask.coverage
+            self._control = self.mission.spec.control
+            self._measurements.take_up(self.mission, self.coverage)
+            self.supervisor.take_up(self.mission)
+            self._publisher.take_up(self.mission)
+            self._control_step.take_up(self.law, self._control)
+            self._checkpoints.take_up(self.mission)
+            self._complete_s, self.done = math.inf, False
+            self._listen()  # what was heard while the law was made
+            self._regroup("retasked")
+            self._save(now=True)
+        return decision
 
     # the phases
 
@@ -212,6 +241,7 @@ class Controller:
         if missing or self.supervisor.moved_from(state):
             self._regroup(missing or "someone moved")
             return
+        self.supervisor.tell_versions()
         if not self._control_step.take_off(proposal, state, self.supervisor, took_s):
             if self._control_step.failures >= MAX_FAILURES:
                 self._enter(Phase.FAILED, f"the safety filter refused {MAX_FAILURES} plans in a row")
@@ -276,8 +306,10 @@ class Controller:
 
     def _land(self) -> None:
         """Nothing new is sent; wait until everyone that is heard has finished its plan."""
-        staying = self._stay and self.phase is Phase.COMPLETE
-        self.done = not staying and not self.fleet.moving(self._clock.now())
+        staying, moving = self._stay and self.phase is Phase.COMPLETE, self.fleet.moving(self._clock.now())
+        self.done = not staying and not moving
+        if staying and not moving:
+            self._mission_clock.pause()
 
     # what a tick leaves behind
 
