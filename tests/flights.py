@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.mission.load import Mission, build_mission, load_mission
+from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.trajectory_file import Recording
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.mission.fleet import Fleet
 
 
-def fleet_of(start: FloatArray, **changes: Any) -> Fleet:
+def fleet_of(start: FloatArray, **changes: Any) -> FleetConstraints:
     """Return box-3's limits for another fleet: (m, d) start [m], in a wide box, with neither rho_B nor rho_C."""
     agents, dimension = start.shape
-    fleet = replace(
+    fleet = FleetConstraints.of(
         load_mission("box-3").fleet,
         ids=tuple(f"a{i + 1}" for i in range(agents)),
         start=start,

@@ -1,4 +1,4 @@
-"""The smallest mission that two agents share, as a mission file has it."""
+"""The smallest mission that two agents share, as a mission file has it; WIDE lets both laws fly it."""
 
 TINY = {
     "schema": 1,
@@ -11,3 +11,5 @@ TINY = {
         "communication_range_m": 3.0,
     },
 }
+
+WIDE = {**TINY, "fleet": {**TINY["fleet"], "communication_range_m": 4.0}}

@@ -12,19 +12,19 @@ from mpc_cover.model.braking import braking_slope
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.constraints.rows import Layout, Rows
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
 
 _SPARE = 0.01
 """Asked for inside the box [m]."""
 
 
-def box_overshoot(position: FloatArray, velocity: FloatArray, fleet: Fleet) -> FloatArray:
+def box_overshoot(position: FloatArray, velocity: FloatArray, fleet: FleetConstraints) -> FloatArray:
     """Return by how much [m], (2, N+1, m, d), braking takes agents out of the box at its low and high sides."""
     return np.maximum(_beyond(position, velocity, fleet), 0.0)
 
 
 def box_overshoot_rows(
-    layout: Layout, position: FloatArray, velocity: FloatArray, fleet: Fleet, reach: float, first: int
+    layout: Layout, position: FloatArray, velocity: FloatArray, fleet: FleetConstraints, reach: float, first: int
 ) -> Rows:
     """Return rows that keep stopping points in the box, where the iterate (N+1, m, d) has less than `reach` to spare.
 
@@ -49,7 +49,7 @@ def box_overshoot_rows(
     return elastic_rows(column, value, upper)
 
 
-def _beyond(position: FloatArray, velocity: FloatArray, fleet: Fleet) -> FloatArray:
+def _beyond(position: FloatArray, velocity: FloatArray, fleet: FleetConstraints) -> FloatArray:
     """Return how far (2, N+1, m, d) [m] stopping points are beyond the low and the high sides; the lost stay."""
     speed = np.linalg.norm(velocity, axis=2, keepdims=True)
     end = position + speed / (2.0 * fleet.input_max[:, None]) * velocity

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.constraints.pairs import PairDistances
     from mpc_cover.constraints.rows import Layout
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,13 @@ def input_cones(layout: Layout, input_max: FloatArray, period: float) -> Cones:
 
 
 def edge_cones(
-    layout: Layout, pairs: PairDistances, allowed: float, between: float, reach: float, fleet: Fleet, first: int
+    layout: Layout,
+    pairs: PairDistances,
+    allowed: float,
+    between: float,
+    reach: float,
+    fleet: FleetConstraints,
+    first: int,
 ) -> Cones:
     """Return ||q_i - q_j|| <= allowed + s for the tree's edges, as `connectivity_rows` has them.
 

@@ -13,11 +13,11 @@ from mpc_cover.constraints.pairs import PairDistances, elastic_pair_rows
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.constraints.rows import Layout, Rows
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
 
 
 def kept_edges(
-    pairs: PairDistances, allowed: float, between: float, fleet: Fleet, first: int
+    pairs: PairDistances, allowed: float, between: float, fleet: FleetConstraints, first: int
 ) -> tuple[BoolArray, FloatArray]:
     """Return (N+1, pairs): which edges are kept at which samples, and the length each may have [m].
 
@@ -40,7 +40,7 @@ def connectivity_rows(
     reach: float,
     facets: Facets,
     *,
-    fleet: Fleet,
+    fleet: FleetConstraints,
     first: int = 1,
 ) -> Rows:
     """Return ||q_i - q_j|| <= allowed for the tree's edges as inner polytopes turned towards the iterate.

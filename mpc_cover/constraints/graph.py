@@ -10,7 +10,7 @@ from mpc_cover.constraints.pairs import all_pairs, linked_pairs
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
 
 
 def minimum_spanning_trees(weight: FloatArray, agents: int) -> BoolArray:
@@ -36,7 +36,7 @@ def minimum_spanning_trees(weight: FloatArray, agents: int) -> BoolArray:
     return tree
 
 
-def fleet_trees(weight: FloatArray, fleet: Fleet) -> BoolArray:
+def fleet_trees(weight: FloatArray, fleet: FleetConstraints) -> BoolArray:
     """Return (graphs, pairs): the minimum spanning trees of the agents that take part, and the links they keep."""
     tree = np.zeros(weight.shape, dtype=bool)
     one, two = all_pairs(fleet.size)

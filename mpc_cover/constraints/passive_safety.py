@@ -23,7 +23,7 @@ from mpc_cover.model.braking import braked, braking_slope
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.constraints.rows import Layout, Rows
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
 
 _LOOKS = 4
 """Instants in a period at which distances are looked at."""
@@ -78,7 +78,12 @@ def stop_instants(reaction: float) -> list[StopInstant]:
 
 
 def braking_encounters(
-    position: FloatArray, velocity: FloatArray, period: float, fleet: Fleet, moment: StopInstant, reach: float = 0.0
+    position: FloatArray,
+    velocity: FloatArray,
+    period: float,
+    fleet: FleetConstraints,
+    moment: StopInstant,
+    reach: float = 0.0,
 ) -> BrakingEncounters:
     """Return the encounters of a motion (N+1, m, d) [m], [m/s] that are too near, or nearer than `reach` more [m].
 
@@ -114,23 +119,31 @@ def braking_encounters(
     return BrakingEncounters(moment, sample[near], *who, when, apart, distance[near], asked[near])
 
 
-def braking_violations(position: FloatArray, velocity: FloatArray, period: float, fleet: Fleet) -> FloatArray:
+def braking_violations(
+    position: FloatArray, velocity: FloatArray, period: float, fleet: FleetConstraints
+) -> FloatArray:
     """Return by how much [m] those who stop without warning are run into, or leave the box; 0 or more of them."""
-    if fleet.reaction == 0:
+    if fleet.reaction_periods == 0:
         return np.zeros(0)
     met = [
-        braking_encounters(position, velocity, period, fleet, moment).excess for moment in stop_instants(fleet.reaction)
+        braking_encounters(position, velocity, period, fleet, moment).excess
+        for moment in stop_instants(fleet.reaction_periods)
     ]
     return np.concatenate([*met, box_overshoot(position, velocity, fleet).ravel()])
 
 
-def braking_violation(position: FloatArray, velocity: FloatArray, period: float, fleet: Fleet) -> float:
+def braking_violation(position: FloatArray, velocity: FloatArray, period: float, fleet: FleetConstraints) -> float:
     """Return the largest of the braking violations [m]; 0 for none."""
     return float(braking_violations(position, velocity, period, fleet).max(initial=0.0))
 
 
 def passive_safety_rows(
-    layout: Layout, position: FloatArray, velocity: FloatArray, period: float, fleet: Fleet, found: BrakingEncounters
+    layout: Layout,
+    position: FloatArray,
+    velocity: FloatArray,
+    period: float,
+    fleet: FleetConstraints,
+    found: BrakingEncounters,
 ) -> Rows:
     """Return nbar . (q_follower - q_stopper) >= required at the instants that are worst at the iterate (N+1, m, d).
 
@@ -191,7 +204,7 @@ def _at_least(
     motion: tuple[FloatArray, FloatArray],
     dying: tuple[FloatArray, FloatArray],
     period: float,
-    fleet: Fleet,
+    fleet: FleetConstraints,
     lag: int,
 ) -> FloatArray:
     """Return bounds (n, stopper, follower) from below on how near they come [m]."""
@@ -211,7 +224,7 @@ def _flown_on(
     agent: IntArray,
     elapsed: FloatArray,
     period: float,
-    fleet: Fleet,
+    fleet: FleetConstraints,
     lag: int,
 ) -> FloatArray:
     """Return where (G, C, d) [m] agents are `elapsed` (G,) [s] after samples (C,): on the plan, then braking."""

@@ -81,7 +81,7 @@ class CandidateGenerator:
     def _task(self, state: FleetState, coverage: FlownMap, *, in_one_go: bool = False) -> Task:
         weight, looks = self._allocation.next(coverage, state, in_one_go=in_one_go)
         here = (state.position, state.velocity, state.time)
-        fleet, owed = self._constraints.mission.fleet, weight * self._constraints.reachable
+        fleet, owed = self._constraints.planned, weight * self._constraints.reachable
         return Task(fleet, self._cell, owed, *here, self._period, looks=looks)
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
 
     State = tuple[FloatArray, FloatArray]
 
@@ -37,21 +37,21 @@ class MotionBounds:
     Attributes
     ----------
     fleet : with the bounds of all.
-    apart : {(i, j): rho_B [m]} of pairs that are nearer than the others may come.
+    pair_separation : {(i, j): rho_B [m]} of pairs that are nearer than the others may come.
     """
 
-    fleet: Fleet
-    apart: dict[tuple[int, int], float]
+    fleet: FleetConstraints
+    pair_separation: dict[tuple[int, int], float]
 
     @cached_property
-    def planned(self) -> Fleet:
+    def planned(self) -> FleetConstraints:
         """The fleet as the planner is given it: no pair is asked for more than it can keep, and none for less."""
-        return replace(self.fleet, apart=self.apart)
+        return replace(self.fleet, pair_separation=self.pair_separation)
 
     @property
     def least_separation(self) -> float:
         """What every pair keeps [m]."""
-        return min([self.fleet.separation_min, *self.apart.values()])
+        return min([self.fleet.separation_min, *self.pair_separation.values()])
 
     def keeps(self, path: Path, start: State) -> bool:
         """Return whether a motion from `start`, (m, d) [m] and [m/s], holds and ends at rest."""
@@ -64,7 +64,7 @@ class MotionBounds:
         failed = verify_motion(least, *arrays, at_rest=True, start=start).first_failure
         if failed is not None:
             return f"{failed.name}: {failed.margin:.3g} {failed.unit} ({failed.where})"
-        kept = not self.apart or _far_enough(smallest_separations(path), self.planned.separations)
+        kept = not self.pair_separation or _far_enough(smallest_separations(path), self.planned.separations)
         return None if kept else "separation of a pair that is too near already"
 
     def keeps_mixed(self, path: Path, other: Path) -> bool:
@@ -98,12 +98,12 @@ class MotionBounds:
         return _far_enough(mixed, np.tile(asked, 2)[flies])
 
 
-def strict_bounds(fleet: Fleet) -> MotionBounds:
+def strict_bounds(fleet: FleetConstraints) -> MotionBounds:
     """Return the fleet's own bounds."""
     return MotionBounds(fleet, {})
 
 
-def attainable_bounds(fleet: Fleet, known: Sequence[Path], start: State) -> MotionBounds:
+def attainable_bounds(fleet: FleetConstraints, known: Sequence[Path], start: State) -> MotionBounds:
     """Return the fleet's own bounds if one of the `known` motions from `start` keeps them, else what the best attains.
 
     The best is the one that brings nobody nearer to anyone than it must, and then the one that tears least.
@@ -119,7 +119,7 @@ def attainable_bounds(fleet: Fleet, known: Sequence[Path], start: State) -> Moti
     return min((relaxed(fleet, path) for path in known), key=harm)
 
 
-def relaxed(fleet: Fleet, path: Path) -> MotionBounds:
+def relaxed(fleet: FleetConstraints, path: Path) -> MotionBounds:
     """Return the fleet's bounds where a motion keeps them, else what it attains.
 
     Speed counts at its start only: whoever is too fast must slow down.
@@ -141,13 +141,13 @@ def relaxed(fleet: Fleet, path: Path) -> MotionBounds:
     )
 
 
-def longest_edge(path: Path, fleet: Fleet) -> float:
+def longest_edge(path: Path, fleet: FleetConstraints) -> float:
     """Return the longest edge [m] of the tree of those who take part, at any instant of a path; 0 for one agent."""
     widest = widest_bottleneck(taking_part(path, fleet)[0], limit=fleet.communication_range)
     return widest.value if widest is not None else 0.0
 
 
-def _longest_link(path: Path, fleet: Fleet) -> float:
+def _longest_link(path: Path, fleet: FleetConstraints) -> float:
     """Return the longest of the links that must be kept [m], at any instant of a path, or a bit more; 0 for none."""
     return fleet.communication_range - check_links(path, fleet, 0.0).margin if fleet.links else 0.0
 
@@ -170,7 +170,7 @@ def _far_enough(least: FloatArray, asked: FloatArray) -> bool:
     return bool((least >= asked - _ROUNDING).all())
 
 
-def _too_near(path: Path, fleet: Fleet) -> dict[tuple[int, int], float]:
+def _too_near(path: Path, fleet: FleetConstraints) -> dict[tuple[int, int], float]:
     """Return how near [m] those pairs come that come too near, and of which one takes part at least."""
     (first, second), least = path.pair, smallest_separations(path)
     near = (least < fleet.separation_min) & (fleet.is_active[first] | fleet.is_active[second])

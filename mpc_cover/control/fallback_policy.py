@@ -22,7 +22,7 @@ def best_proposal(
 ) -> Proposal:
     """Cut the horizon out of the mission plan, end it at rest, verify it; else fall back on the incumbent, or brake."""
     if plan is not None:
-        for beginning in ended_at_rest(plan, constraints.mission):
+        for beginning in ended_at_rest(plan, constraints.planned, constraints.horizon):
             if constraints.keeps(beginning, state):
                 return Proposal(beginning, PlanSource.NEW, reason)
     reason = "no new plan passed the verifier"

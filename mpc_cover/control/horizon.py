@@ -14,24 +14,30 @@ from mpc_cover.planning.ocp import OCP
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mpc_cover.arrays import FloatArray
-    from mpc_cover.mission.load import Mission
+    from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.model.fleet_constraints import FleetConstraints
 
 
-def resolved_steps(plan: Trajectory, mission: Mission) -> int:
-    """Return how many samples of the mission plan the horizon re-solves; what is left of it is for braking."""
-    horizon, fleet = mission.spec.control.horizon_steps, mission.fleet
+def resolved_steps(plan: Trajectory, fleet: FleetConstraints, horizon: int) -> int:
+    """Return how many samples of the mission plan are re-solved within a horizon [samples]; the rest is for braking."""
     if plan.steps <= horizon:
         return plan.steps
     slowest = float((fleet.speed_max / fleet.input_max).max())
     return max(1, horizon - int(np.ceil(slowest / plan.period - 1e-9)))
 
 
-def horizon_ocp(plan: Trajectory, mission: Mission, weight: FloatArray, segment: int, steps: int) -> OCP:
-    """Return the window that replaces the first `segment` samples of the mission plan by `steps` ones.
+def horizon_ocp(
+    plan: Trajectory,
+    fleet: FleetConstraints,
+    cell: FloatArray,
+    owed: tuple[FloatArray, IntArray | None],
+    segment: int,
+    steps: int,
+) -> OCP:
+    """Return the problem whose motion replaces the first `segment` samples of the mission plan by `steps` ones.
 
-    It must end where the rest of the mission plan goes on, unless there is no rest. `weight` (J, K) is what
-    the segment has to cover.
+    It must end where the rest of the mission plan goes on, unless there is no rest. `owed` is the weights and
+    looks (J, K) that the segment has to bring on `cell` (K, d) [m]; looks None for one each.
     """
     last = segment == plan.steps
     ends = Ends(
@@ -40,7 +46,8 @@ def horizon_ocp(plan: Trajectory, mission: Mission, weight: FloatArray, segment:
         end_position=None if last else plan.position[segment],
         end_velocity=plan.velocity[segment],
     )
-    return OCP(mission.fleet, mission.field.cell, weight, steps, plan.period, ends)
+    weight, looks = owed
+    return OCP(fleet, cell, weight, steps, plan.period, ends, looks)
 
 
 def spliced(plan: Trajectory, velocity: FloatArray, segment: int) -> Trajectory:
@@ -49,16 +56,15 @@ def spliced(plan: Trajectory, velocity: FloatArray, segment: int) -> Trajectory:
     return _from_start(plan, later)
 
 
-def ended_at_rest(plan: Trajectory, mission: Mission) -> Iterator[Trajectory]:
-    """Yield beginnings of the mission plan that end at rest within the horizon, the longest first."""
-    horizon = mission.spec.control.horizon_steps
+def ended_at_rest(plan: Trajectory, fleet: FleetConstraints, horizon: int) -> Iterator[Trajectory]:
+    """Yield beginnings of the mission plan that end at rest within a horizon [samples], the longest first."""
     later = plan.velocity[1:]
     if plan.steps <= horizon:
         rest = np.zeros((horizon - plan.steps, *later.shape[1:]))
         yield _from_start(plan, np.concatenate([later, rest]))
         return
-    for kept in range(resolved_steps(plan, mission), 0, -1):
-        braking = braking_velocities(later[kept - 1], mission.fleet, plan.period)
+    for kept in range(resolved_steps(plan, fleet, horizon), 0, -1):
+        braking = braking_velocities(later[kept - 1], fleet, plan.period)
         room = horizon - kept - braking.shape[0]
         if room >= 0:
             rest = np.zeros((room, *later.shape[1:]))

@@ -13,13 +13,13 @@ from mpc_cover.control.obstacle_trajectories import path_among
 from mpc_cover.control.reachability import reachable
 from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.constraint_tightening import slowed, tightened, without_lost
+from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.planning.initial_guess.rendezvous import out_of_range
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.verification.path import Path
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
-    from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
@@ -41,7 +41,8 @@ class PlanningConstraints:
     """
 
     def __init__(self, mission: Mission) -> None:
-        self._given, self._tight = mission, replace(tightened(mission), reaction=_reaction(mission))
+        self._given = mission
+        self._tight = FleetConstraints.of(tightened(mission), reaction_periods=_reaction(mission))
         self._lost = np.zeros(mission.fleet.size, dtype=bool)
         self._share = np.ones(mission.fleet.size)
         self.fleet = self._wary(self._tight)
@@ -49,9 +50,14 @@ class PlanningConstraints:
         self.reachable: BoolArray = np.ones((mission.fleet.radius.shape[1], mission.field.size), dtype=bool)
 
     @property
-    def mission(self) -> Mission:
-        """The mission with the fleet and the bounds that plans are to be made for."""
-        return replace(self._given, fleet=self.bounds.planned)
+    def planned(self) -> FleetConstraints:
+        """The bounds that plans are to be made for."""
+        return self.bounds.planned
+
+    @property
+    def horizon(self) -> int:
+        """Samples of the horizon."""
+        return self._given.spec.control.horizon_steps
 
     @property
     def torn(self) -> bool:
@@ -119,13 +125,13 @@ class PlanningConstraints:
             position, velocity = (np.concatenate([first[None], later]) for first, later in pairs)
         return braking_violation(position, velocity, plan.period, self.bounds.planned)
 
-    def _wary(self, fleet: Fleet) -> Fleet:
+    def _wary(self, fleet: FleetConstraints) -> FleetConstraints:
         """Return the fleet with range to spare for those who may yet turn out to be slow: they fall behind at first."""
         stated = [share for share in self._given.spec.disturbance.slow_agents.values() if share < 1.0]
         if len(stated) <= np.count_nonzero(self._share < 1.0):
             return fleet
         behind = (1.0 - min(stated)) * float(fleet.speed_max.max())
-        unseen_s = fleet.reaction * self._given.spec.control.period_s
+        unseen_s = fleet.reaction_periods * self._given.spec.control.period_s
         reach = fleet.communication_range
         return replace(fleet, communication_range=max(reach - behind * unseen_s, _LEAST_RANGE * reach))
 

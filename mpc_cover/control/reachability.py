@@ -10,14 +10,14 @@ from mpc_cover.constraints.facets import inscribed
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
 
 _RINGS = (0.0, 0.25, 0.5, 0.75, 0.98)
 """Distances from a cell, in sensing radii, at which a place to measure it from is looked for."""
 _SIDES = 32
 
 
-def reachable(fleet: Fleet, cell: FloatArray, obstacles: FloatArray) -> BoolArray:
+def reachable(fleet: FleetConstraints, cell: FloatArray, obstacles: FloatArray) -> BoolArray:
     """Return (J, K): whether someone left can measure each magnitude on each cell, (K, d) [m].
 
     From a place inside the box, clear of the (L, d) [m] `obstacles`. Places are tried in rings around the cell: what is

@@ -3,27 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from dataclasses import field as dataclass_field
-from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.arrays import read_only
-
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.config import AgentSpec, MissionSpec
 
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """m agents in d dimensions, J magnitudes.
-
-    What follows from the fields is worked out once, and its arrays are read-only.
+    """m agents in d dimensions, J magnitudes, as the mission specifies them.
 
     Attributes
     ----------
@@ -37,11 +29,6 @@ class Fleet:
     motion_min, motion_max : (d,) [m]  (3.13, 3.14).
     magnitudes : a name for each column of `radius`.
     links : pairs (i, j) that always stay within `communication_range` (4.19).
-    lost : agents that take no part any more: they stand still, and the others keep clear of them.
-    apart : {(i, j): what is asked of a pair [m], i < j} where that is not rho_B: two who are too near already cannot
-        help it, but everyone else can.
-    reaction : periods that pass until the others know that someone has stopped; plans leave room for that. 0 when
-        nobody is expected to.
     """
 
     ids: tuple[str, ...]
@@ -55,31 +42,11 @@ class Fleet:
     motion_max: FloatArray
     magnitudes: tuple[str, ...] = ("coverage",)
     links: tuple[tuple[int, int], ...] = ()
-    lost: tuple[int, ...] = ()
-    apart: Mapping[tuple[int, int], float] = dataclass_field(default_factory=dict)
-    reaction: float = 0.0
-
-    @cached_property
-    def separations(self) -> FloatArray:
-        """(pairs,) the least distance [m] of each pair i < j, row by row; nothing is asked of two who are lost."""
-        every, lost = combinations(range(self.size), 2), set(self.lost)
-        asked = [0.0 if lost.issuperset(pair) else self.apart.get(pair, self.separation_min) for pair in every]
-        return read_only(np.array(asked))
 
     @property
     def size(self) -> int:
         """Number of agents m."""
         return len(self.ids)
-
-    @cached_property
-    def active(self) -> tuple[int, ...]:
-        """The agents that take part."""
-        return tuple(i for i in range(self.size) if i not in self.lost)
-
-    @cached_property
-    def is_active(self) -> BoolArray:
-        """(m,) whether an agent takes part."""
-        return read_only(np.array([i not in self.lost for i in range(self.size)]))
 
     @property
     def dimension(self) -> int:

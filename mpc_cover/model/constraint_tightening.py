@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.errors import InvalidInputError, Problem
+from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.model.tube import tube_of
 
 if TYPE_CHECKING:
@@ -69,13 +70,13 @@ def _contradictions(fleet: Fleet, radius: float) -> list[Problem]:
     return problems
 
 
-def without_lost(fleet: Fleet, lost: BoolArray) -> Fleet:
+def without_lost(fleet: Fleet, lost: BoolArray) -> FleetConstraints:
     """Return the fleet in which the agents of the (m,) mask are obstacles: they measure, move and relay nothing."""
     radius = np.where(lost[:, None], -np.inf, fleet.radius)
     links = tuple(link for link in fleet.links if not lost[list(link)].any())
-    return replace(fleet, radius=radius, links=links, lost=tuple(int(i) for i in np.flatnonzero(lost)))
+    return FleetConstraints.of(fleet, radius=radius, links=links, lost=tuple(int(i) for i in np.flatnonzero(lost)))
 
 
-def slowed(fleet: Fleet, share: FloatArray) -> Fleet:
+def slowed(fleet: FleetConstraints, share: FloatArray) -> FleetConstraints:
     """Return the fleet with each agent's speed limit times its (m,) share."""
     return replace(fleet, speed_max=fleet.speed_max * share)

@@ -29,6 +29,8 @@ _SCREENED = 6
 """So many guesses must have been compared before only the best kinds go on."""
 _FLYING = 0.3
 """Part of the time that flying guesses may take."""
+_SUFFICES = 0.1
+"""A guess is a measure of the work if it leaves no more than this part of the cells: in the plane nearly all do."""
 _KEPT = 3
 """Kinds of guesses that are tried again at other lengths."""
 FAILURES = 3
@@ -59,11 +61,11 @@ def plan_free_horizon(
     """
     search = search or Search()
     found = _flights(task, search, budget)
-    work = min(candidate.plan.steps for candidate in found)
+    work, least = _work(task, found), min(candidate.plan.steps for candidate in found)
     found.append(as_flown(task, rest_guess(task.position), task.least_steps))
     if work * task.fleet.size > _LARGE:
         return _plan_large(task, backend, sorted(found, key=partial(promise, repair=_REPAIR)), budget)
-    steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * work)
+    steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * least)
     shortest = 0
     for _ in range(attempts):
         if budget.exhausted:
@@ -158,6 +160,13 @@ def _flights(task: Task, search: Search, budget: Budget) -> list[Candidate]:
         flights.append(as_flown(task, guess))
         budget.charge(FLIGHT_S * flights[-1].plan.steps)
     return flights
+
+
+def _work(task: Task, flights: list[Candidate]) -> int:
+    """Return the samples of the shortest guess that measures nearly everything, or of the one that leaves least."""
+    left = [float((task.owed_after(flight.plan) > 0.0).mean()) for flight in flights]
+    enough = max(_SUFFICES, min(left))
+    return min(flight.plan.steps for flight, rest in zip(flights, left, strict=True) if rest <= enough)
 
 
 def _names(candidates: list[Candidate]) -> tuple[str, ...]:

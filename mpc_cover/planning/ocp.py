@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.constraints.boundary import Ends
     from mpc_cover.coverage.majoriser import Softness
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.model.trajectory import Trajectory
 
 
@@ -59,7 +59,7 @@ class OCP:
     on_iterate : told each decision vector that the SQP accepts, in whatever search; what it raises ends the search.
     """
 
-    fleet: Fleet
+    fleet: FleetConstraints
     cell: FloatArray
     weight: FloatArray
     steps: int

@@ -11,6 +11,7 @@ from mpc_cover import __version__
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
 from mpc_cover.information.replay import measured_at
+from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.min_time import FAILURES
 from mpc_cover.planning.multistart import Search
@@ -95,7 +96,7 @@ def offline_task(mission: Mission) -> Task:
     end = End(planning.end)
     goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if end is End.FIXED else None
     return Task(
-        fleet,
+        FleetConstraints.of(fleet),
         mission.field.cell,
         owed.gamma * mission.field.weight,
         fleet.start,

@@ -115,14 +115,14 @@ class Planner:
 
     def _with_room(self, plan: Callable[..., Candidate], task: Task, budget: Budget) -> Candidate:
         """Plan with room to stop; where that leaves too much over, without, too: a crowd would hardly move."""
-        if task.fleet.reaction == 0.0:
+        if task.fleet.reaction_periods == 0.0:
             return plan(task, budget=budget)
         roomy = plan(task, budget=budget.part(_CROWDED if self._crowded else _ROOMY))
         left, owed = np.count_nonzero(task.owed_after(roomy.plan)), np.count_nonzero(task.weight)
         self._crowded = not roomy.feasible or bool(left > _WORTH * owed)
         if not self._crowded or budget.exhausted:
             return roomy
-        dense = plan(replace(task, fleet=replace(task.fleet, reaction=0.0)), budget=budget)
+        dense = plan(replace(task, fleet=replace(task.fleet, reaction_periods=0.0)), budget=budget)
         flown = dense.plan
         exposed = braking_violation(flown.position, flown.velocity, flown.period, task.fleet)
         return min(roomy, replace(dense, braking_violation=exposed), key=lambda candidate: candidate.rank)

@@ -174,10 +174,10 @@ def _add_room_to_stop(
 ) -> None:
     """Add elastic half-spaces for those who may have to brake: clear of one another, and inside the box."""
     fleet, layout = ocp.fleet, Layout(ocp.steps, *ocp.fleet.start.shape)
-    if fleet.reaction == 0:
+    if fleet.reaction_periods == 0:
         return
     reach = min(2.0 * radius, settings.stop_reach)
-    for moment in stop_instants(fleet.reaction):
+    for moment in stop_instants(fleet.reaction_periods):
         met = braking_encounters(*motion, ocp.period, fleet, moment, reach)
         _add_elastic(found, passive_safety_rows(layout, *motion, ocp.period, fleet, met), settings.penalty)
     _add_elastic(found, box_overshoot_rows(layout, *motion, fleet, reach, ocp.first), settings.penalty)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.arrays import FloatArray, IntArray
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.initial_guess.guess import Guess
 
@@ -68,7 +68,7 @@ class Task:
     on_iterate : see `OCP`.
     """
 
-    fleet: Fleet
+    fleet: FleetConstraints
     cell: FloatArray
     weight: FloatArray
     position: FloatArray

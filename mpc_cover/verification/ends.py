@@ -9,7 +9,7 @@ import numpy as np
 from mpc_cover.verification.report import Check
 
 if TYPE_CHECKING:
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.trajectory_file import Recording
     from mpc_cover.verification.path import Path
 
@@ -17,7 +17,7 @@ _PARTS = 16
 """Pieces of an interval in which a parabola is bounded by its control points: 1/256 of its sagitta too far out."""
 
 
-def check_links(path: Path, fleet: Fleet, tolerance: float) -> Check:
+def check_links(path: Path, fleet: FleetConstraints, tolerance: float) -> Check:
     """Check ||q_i - q_j|| <= rho_C at every instant for every link that must be kept (4.19).
 
     A piece of a parabola lies in the triangle of its three control points, and a distance is convex: the

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.verification.connectivity import bottlenecks
 from mpc_cover.verification.ends import check_links
 from mpc_cover.verification.motion import check_connectivity, taking_part, verify_motion
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.mission.fleet import Fleet
     from mpc_cover.trajectory_file import Recording
 
 REACTION_PERIODS = 2.0
@@ -91,7 +91,7 @@ def verify_with_losses(
     return Report(tuple(checks))
 
 
-def stretches(trajectory: Recording, losses: dict[int, float]) -> Iterator[tuple[Path, Fleet]]:
+def stretches(trajectory: Recording, losses: dict[int, float]) -> Iterator[tuple[Path, FleetConstraints]]:
     """Yield the path between losses with the fleet as it is then; whom an interval loses is lost from its start."""
     fleet, end = trajectory.mission.fleet, len(trajectory.time) - 1
     begins = {i: _sample_of(trajectory, loss) for i, loss in losses.items()}
@@ -103,7 +103,7 @@ def stretches(trajectory: Recording, losses: dict[int, float]) -> Iterator[tuple
         path = Path(
             trajectory.time[part], trajectory.position[part], trajectory.velocity[part], trajectory.input[first:last]
         )
-        yield path, replace(fleet, lost=lost, links=links)
+        yield path, FleetConstraints.of(fleet, lost=lost, links=links)
 
 
 def _sample_of(trajectory: Recording, loss: float) -> int:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.verification.connectivity import widest_bottleneck
 from mpc_cover.verification.ends import check_links
 from mpc_cover.verification.limits import (
@@ -31,7 +32,7 @@ _LARGEST = 1e9
 
 
 def verify_motion(
-    fleet: Fleet,
+    given: Fleet,
     time: FloatArray,
     position: FloatArray,
     velocity: FloatArray,
@@ -48,7 +49,7 @@ def verify_motion(
 
     Parameters
     ----------
-    fleet : limits, box, rho_B (0: not asked for) and rho_C (inf: not asked for). Who is lost is an obstacle, whose
+    given : limits, box, rho_B (0: not asked for) and rho_C (inf: not asked for). Who is lost is an obstacle, whose
         own limits, box and rest are not looked at; one agent at least must not be.
     time : (T,) [s], strictly increasing, not necessarily even, T >= 2.
     position, velocity : (T, m, d) [m], [m/s].
@@ -58,6 +59,7 @@ def verify_motion(
     start : (m, d) position [m] and velocity [m/s] that the motion must start in.
     """
     arrays = [time, position, velocity, force, *(start or ())]
+    fleet = FleetConstraints.of(given)
     if (wrong := _what_is_wrong(fleet, arrays)) is not None:
         return _nothing_else_looked_at(fleet, wrong, at_rest=at_rest, start=start is not None)
     path = Path(*(np.asarray(array, dtype=float) for array in arrays[:4]))
@@ -82,7 +84,7 @@ def verify_motion(
     return Report(tuple(checks))
 
 
-def _check_separation(path: Path, fleet: Fleet, tolerance: float) -> Check:
+def _check_separation(path: Path, fleet: FleetConstraints, tolerance: float) -> Check:
     """Check ||q_i - q_j|| >= rho_B at every instant (4.18); how near two lost agents come is nobody's decision."""
     groups = [fleet.active, *((*fleet.active, lost) for lost in fleet.lost)] if fleet.lost else [fleet.active]
     worst, where = np.inf, "nobody is near"
@@ -95,12 +97,12 @@ def _check_separation(path: Path, fleet: Fleet, tolerance: float) -> Check:
     return Check("separation", margin >= -tolerance, margin, "m", where)
 
 
-def taking_part(path: Path, fleet: Fleet) -> tuple[Path, Fleet]:
+def taking_part(path: Path, fleet: FleetConstraints) -> tuple[Path, FleetConstraints]:
     """Return the path of those who are not lost, and their limits."""
     return _those(path, fleet, fleet.active)
 
 
-def _those(path: Path, fleet: Fleet, group: tuple[int, ...]) -> tuple[Path, Fleet]:
+def _those(path: Path, fleet: FleetConstraints, group: tuple[int, ...]) -> tuple[Path, FleetConstraints]:
     """Return the path of some agents, and their limits."""
     if len(group) == fleet.size:
         return path, fleet
@@ -110,7 +112,7 @@ def _those(path: Path, fleet: Fleet, group: tuple[int, ...]) -> tuple[Path, Flee
     return some, replace(fleet, ids=ids, input_max=fleet.input_max[part], speed_max=fleet.speed_max[part])
 
 
-def check_connectivity(path: Path, fleet: Fleet, tolerance: float) -> Check:
+def check_connectivity(path: Path, fleet: FleetConstraints, tolerance: float) -> Check:
     """Check that edges of at most rho_C connect those who take part at every instant (4.20)."""
     path, part = taking_part(path, fleet)
     if len(fleet.active) < 2:  # noqa: PLR2004 - a pair
@@ -126,7 +128,7 @@ def describe(distance: Distance, ids: tuple[str, ...]) -> str:
     return f"{ids[distance.pair[0]]} - {ids[distance.pair[1]]}, t = {distance.time:.3f} s"
 
 
-def _what_is_wrong(fleet: Fleet, arrays: list[FloatArray]) -> str | None:
+def _what_is_wrong(fleet: FleetConstraints, arrays: list[FloatArray]) -> str | None:
     """Return why the (time, position, velocity, force, start ...) are not a motion of this fleet, or None."""
     time = arrays[0]
     if np.ndim(time) != 1 or np.size(time) < 2:  # noqa: PLR2004 - one interval
@@ -147,7 +149,7 @@ def _what_is_wrong(fleet: Fleet, arrays: list[FloatArray]) -> str | None:
     return None
 
 
-def _nothing_else_looked_at(fleet: Fleet, wrong: str, *, at_rest: bool, start: bool) -> Report:
+def _nothing_else_looked_at(fleet: FleetConstraints, wrong: str, *, at_rest: bool, start: bool) -> Report:
     """Return a report in which every check has failed, because the arrays are not a motion."""
     asked = {
         "dynamics of position": "m",

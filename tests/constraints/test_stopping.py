@@ -44,8 +44,8 @@ def formation_flight(gap, speed=1.0, steps=12):
 @pytest.mark.parametrize("gap", [1.2, 1.7, 2.5])
 def test_a_follower_comes_as_much_nearer_as_it_flies_before_it_knows(gap):
     position, velocity, start = formation_flight(gap)
-    fleet = fleet_of(start, separation_min=0.5, reaction=2.0)
-    (moment,) = stop_instants(fleet.reaction)
+    fleet = fleet_of(start, separation_min=0.5, reaction_periods=2.0)
+    (moment,) = stop_instants(fleet.reaction_periods)
     found = braking_encounters(position, velocity, PERIOD, fleet, moment, EVERYTHING)
     behind = found.distance[(found.stopper == 1) & (found.sample == 4)]
     assert behind == pytest.approx(gap - 1.0)  # two periods at 1 m/s; both brake alike
@@ -62,7 +62,7 @@ def test_nobody_who_stops_is_expected_without_a_reaction_time():
 def test_the_lost_and_lone_agents_need_no_room():
     position, velocity, start = formation_flight(0.6)
     position[:, 1], velocity[:, 1] = position[0, 1] + 5.0, 0.0
-    fleet = fleet_of(start, separation_min=0.5, reaction=2.0, lost=(1,))
+    fleet = fleet_of(start, separation_min=0.5, reaction_periods=2.0, lost=(1,))
     assert braking_encounters(position, velocity, PERIOD, fleet, stop_instants(2.0)[0], EVERYTHING).sample.size == 0
 
 
@@ -97,7 +97,7 @@ def flown_out(position, velocity, fleet, sample, stopper, moment):
 def test_encounters_are_those_of_a_motion_that_is_flown_out(agents, seed, reaction):
     rng = np.random.default_rng(seed)
     position, velocity, start = motion_of(rng, agents, 8)
-    fleet = fleet_of(start, separation_min=0.4, reaction=reaction)
+    fleet = fleet_of(start, separation_min=0.4, reaction_periods=reaction)
     for moment in stop_instants(reaction):
         found = braking_encounters(position, velocity, PERIOD, fleet, moment, EVERYTHING)
         case = int(rng.integers(found.sample.size))
@@ -112,8 +112,8 @@ def test_encounters_are_those_of_a_motion_that_is_flown_out(agents, seed, reacti
 @given(st.integers(2, 4), st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
 def test_no_encounter_is_left_out(agents, seed, reach):
     position, velocity, start = motion_of(np.random.default_rng(seed), agents, 8)
-    fleet = fleet_of(start, separation_min=0.4, reaction=2.3)
-    for moment in stop_instants(fleet.reaction):
+    fleet = fleet_of(start, separation_min=0.4, reaction_periods=2.3)
+    for moment in stop_instants(fleet.reaction_periods):
         every = braking_encounters(position, velocity, PERIOD, fleet, moment, EVERYTHING)
         some = braking_encounters(position, velocity, PERIOD, fleet, moment, reach)
         assert some.sample.size == np.count_nonzero(every.distance < every.required + reach)
@@ -124,7 +124,7 @@ def test_no_encounter_is_left_out(agents, seed, reach):
 def test_rows_are_the_gradient_of_the_distance(seed, reaction):
     rng = np.random.default_rng(seed)
     position, velocity, start = motion_of(rng, 3, 8)
-    fleet, layout = fleet_of(start, separation_min=0.4, reaction=reaction), Layout(8, 3, 2)
+    fleet, layout = fleet_of(start, separation_min=0.4, reaction_periods=reaction), Layout(8, 3, 2)
     change = 1e-6 * rng.normal(size=(2, *position.shape))
     change[1, -1] = 0.0  # it ends at rest still
     for moment in stop_instants(reaction):
@@ -145,7 +145,7 @@ def test_rows_are_the_gradient_of_the_distance(seed, reaction):
 def test_whoever_brakes_stays_in_the_box_where_no_overrun_is_seen(seed):
     rng = np.random.default_rng(seed)
     position, velocity, start = motion_of(rng, 2, 6)
-    fleet = fleet_of(start, motion_min=np.zeros(2), motion_max=np.full(2, 4.0), reaction=2.0)
+    fleet = fleet_of(start, motion_min=np.zeros(2), motion_max=np.full(2, 4.0), reaction_periods=2.0)
     inside = ((position > 0.02) & (position < 3.98)).all(axis=2)
     for sample, agent in zip(*np.nonzero(inside), strict=True):
         stop = braked(position[sample], velocity[sample], np.array([1e3]), fleet.input_max)[0, agent]
@@ -158,7 +158,7 @@ def test_whoever_brakes_stays_in_the_box_where_no_overrun_is_seen(seed):
 def test_overrun_rows_are_its_gradient(seed):
     rng = np.random.default_rng(seed)
     position, velocity, start = motion_of(rng, 2, 6)
-    fleet = fleet_of(start, motion_min=np.zeros(2), motion_max=np.full(2, 4.0), reaction=2.0)
+    fleet = fleet_of(start, motion_min=np.zeros(2), motion_max=np.full(2, 4.0), reaction_periods=2.0)
     layout, first = Layout(6, 2, 2), 1
     rows = box_overshoot_rows(layout, position, velocity, fleet, EVERYTHING, first)
     change = 1e-6 * rng.normal(size=(2, *position.shape))

@@ -62,7 +62,7 @@ def keeps_mixed_one_by_one(bounds, path, other):
         if longest_edge(motion, fleet) > fleet.communication_range + ROUNDING:
             return False
         if any(
-            value < bounds.apart.get(pair, fleet.separation_min) - ROUNDING
+            value < bounds.pair_separation.get(pair, fleet.separation_min) - ROUNDING
             for pair, value in one_by_one(motion, fleet).items()
         ):
             return False
@@ -114,7 +114,7 @@ def test_pairs_that_are_too_near_are_found_as_pair_by_pair(case):
         return
     expected = {pair: value for pair, value in one_by_one(path, fleet).items() if value < fleet.separation_min}
     bounds = relaxed(fleet, path)
-    assert bounds.apart == pytest.approx(expected, abs=1e-12)
+    assert bounds.pair_separation == pytest.approx(expected, abs=1e-12)
     assert bounds.planned.separations.min(initial=np.inf) >= 0.0
 
 
@@ -128,6 +128,6 @@ def test_a_motion_keeps_the_bounds_that_it_attains_and_none_that_ask_more_of_a_p
     braking = Path(path.time, *roll_out(start, speed, force, PERIOD), force)
     bounds = relaxed(fleet, braking)
     assert bounds.keeps(braking, (start, speed))
-    for pair, value in bounds.apart.items():
-        asked = {**bounds.apart, pair: value + 0.01}
+    for pair, value in bounds.pair_separation.items():
+        asked = {**bounds.pair_separation, pair: value + 0.01}
         assert not MotionBounds(bounds.fleet, asked).keeps(braking, (start, speed))

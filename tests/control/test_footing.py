@@ -34,5 +34,5 @@ def test_most_of_the_range_is_used_all_the_same():
 
 
 def test_plans_leave_room_for_the_time_that_it_takes_to_notice_a_death():
-    assert constraints().fleet.reaction == pytest.approx(2.0 + 0.1 / 0.5)
-    assert constraints(delay_s=0.25).fleet.reaction == pytest.approx(2.0 + 0.35 / 0.5)
+    assert constraints().fleet.reaction_periods == pytest.approx(2.0 + 0.1 / 0.5)
+    assert constraints(delay_s=0.25).fleet.reaction_periods == pytest.approx(2.0 + 0.35 / 0.5)

@@ -114,18 +114,18 @@ def test_it_has_the_same_optimum_as_the_reference_formulation(backend, seed, age
 @pytest.mark.parametrize("backend", ["osqp", "clarabel", "piqp"])
 @pytest.mark.parametrize("reaction", [1.0, 2.0, 2.1])
 def test_with_room_to_stop_it_has_the_same_optimum_as_the_reference_formulation(backend, reaction):
-    ocp, x = in_file(reaction=reaction)
+    ocp, x = in_file(reaction_periods=reaction)
     for moment in stop_instants(reaction):
         assert braking_encounters(*ocp.motion(x), ocp.period, ocp.fleet, moment).sample.size
     assembled, expected = optima(ocp, x, backend=backend, radius=0.1)
     assert assembled == pytest.approx(expected, rel=CLOSE[backend])
-    without = replace(ocp, fleet=replace(ocp.fleet, reaction=0.0))
+    without = replace(ocp, fleet=replace(ocp.fleet, reaction_periods=0.0))
     assert optima(without, x, radius=0.1)[0] < assembled - 0.1, "the rows bind"
 
 
 @pytest.mark.parametrize("kind", ["fixed", "free"])
 def test_with_room_to_stop_and_other_ends_it_has_the_same_optimum_as_the_reference_formulation(kind):
-    ocp, x = in_file(reaction=2.1)
+    ocp, x = in_file(reaction_periods=2.1)
     flown_on = x.reshape(-1, 3, 2)[:-1]  # it ends under way
     ocp = with_ends(replace(ocp, steps=ocp.steps - 1), flown_on.ravel(), kind)
     assembled, expected = optima(ocp, flown_on.ravel(), radius=0.1)
@@ -134,11 +134,11 @@ def test_with_room_to_stop_and_other_ends_it_has_the_same_optimum_as_the_referen
 
 @pytest.mark.parametrize("reaction", [1.0, 2.1])
 def test_with_room_to_stop_before_walls_it_has_the_same_optimum_as_the_reference_formulation(reaction):
-    ocp, x = along_a_wall(reaction=reaction)
+    ocp, x = along_a_wall(reaction_periods=reaction)
     assert box_overshoot(*ocp.motion(x), ocp.fleet)[:, ocp.first :].any()
     assembled, expected = optima(ocp, x, radius=0.01)
     assert assembled == pytest.approx(expected, rel=CLOSE["clarabel"])
-    without = replace(ocp, fleet=replace(ocp.fleet, reaction=0.0))
+    without = replace(ocp, fleet=replace(ocp.fleet, reaction_periods=0.0))
     assert optima(without, x, radius=0.01)[0] < assembled - 0.1, "the rows bind"
 
 

@@ -17,7 +17,7 @@ from mpc_cover.planning.initial_guess.tour import tour_guess
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.task import Task
 
@@ -41,7 +41,7 @@ class PlanRepair:
             yield Guess(Origin(GuessKind.REPAIR, name), motion=_flown(task, incumbent, fleet))
 
 
-def _flown(task: Task, old: Trajectory, fleet: Fleet) -> Trajectory:
+def _flown(task: Task, old: Trajectory, fleet: FleetConstraints) -> Trajectory:
     """Fly the old ways with the limits of `fleet`, which are no wider than the task's own."""
     done = min(max(round((task.start_time - old.start_time) / task.period), 0), old.steps)
     ahead = np.concatenate([old.position[done:-1:_EVERY], old.position[-1:]])

@@ -7,7 +7,7 @@ one body, so that nobody in it is lost on the way, and all gaps close at once.
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
-    from mpc_cover.mission.fleet import Fleet
+    from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.planning.task import Task
 
 NEAR = 0.8
 """Part of their range within which groups meet: they pass the range itself at full speed."""
-_DETOURS = (0.0, 1.5, -1.5, 3.0, -3.0)
+_BENDS = (0.0, 1.5, -1.5, 3.0, -3.0)
 """Ways around what lies between, in least distances."""
 _SWEEPS = 200
 """Passes over the gaps; each closes one gap after another, and may open others a little."""
 
 
-def out_of_range(position: FloatArray, fleet: Fleet) -> bool:
+def out_of_range(position: FloatArray, fleet: FleetConstraints) -> bool:
     """Return whether those who take part, at (m, d) [m], are out of range of each other."""
     length, tree = _tree(position, fleet)
     return bool((length[tree] > fleet.communication_range).any())
@@ -46,26 +46,53 @@ class Rendezvous:
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
         """Yield motions to the meeting, the fastest kinds first; whoever is lost stays where it is.
 
-        Obstacles and other groups may be in the way, and velocities at the start may tear a group apart.
+        At once, or from rest and each group in step: velocities at the start may tear a group apart.
         """
-        fleet = task.fleet
-        group = _groups(task.position, fleet)
-        for weights in _weights(group, fleet):
-            goal = _meeting(task.position, group, weights, fleet)
-            for aside, first in product(_DETOURS, (False, True)):
-                paths = _ways(task.position, goal, aside * fleet.separation_min)
-                yield Guess(
-                    Origin(GuessKind.RENDEZVOUS, "rendezvous"), motion=_flown(task, paths, group, brake_first=first)
-                )
+        braking = braking_velocities(task.velocity, task.fleet, task.period)
+        braked = Trajectory.from_velocities(task.position, task.velocity, braking, task.start_time, task.period)
+        stopped = braked.position[-1]
+        at_once, from_rest = ((place, _groups(place, task.fleet)) for place in (task.position, stopped))
+        for now, then in zip_longest(_meetings(*at_once, task.fleet), _meetings(*from_rest, task.fleet)):
+            for bend in _BENDS:
+                if now is not None:
+                    paths = _ways(task.position, now, bend * task.fleet.separation_min)
+                    motion = track_waypoints(paths, task.position, task.velocity, task.fleet, task.period)
+                    yield _guess(task, motion.velocity[1:])
+                if then is not None:
+                    paths = _ways(stopped, then, bend * task.fleet.separation_min)
+                    motion = track_waypoints(
+                        paths, stopped, np.zeros_like(stopped), _in_step(task.fleet, from_rest[1]), task.period
+                    )
+                    yield _guess(task, np.concatenate([braking, motion.velocity[1:]]))
 
 
-def _tree(position: FloatArray, fleet: Fleet) -> tuple[FloatArray, BoolArray]:
+def _guess(task: Task, later: FloatArray) -> Guess:
+    """Return the guess with velocities `later` (N, m, d) [m/s] at samples 1 to N."""
+    motion = Trajectory.from_velocities(task.position, task.velocity, later, task.start_time, task.period)
+    return Guess(Origin(GuessKind.RENDEZVOUS, "rendezvous"), motion=motion)
+
+
+def _meetings(position: FloatArray, group: IntArray, fleet: FleetConstraints) -> Iterator[FloatArray]:
+    """Yield where everyone (m, d) [m] is once all gaps are closed, the more groups give way the earlier."""
+    return (_meeting(position, group, weights, fleet) for weights in _weights(group, fleet))
+
+
+def _in_step(fleet: FleetConstraints, group: IntArray) -> FleetConstraints:
+    """Return the fleet with the limits of the slowest of each group."""
+    return replace(
+        fleet,
+        speed_max=np.array([fleet.speed_max[group == own].min() for own in group]),
+        input_max=np.array([fleet.input_max[group == own].min() for own in group]),
+    )
+
+
+def _tree(position: FloatArray, fleet: FleetConstraints) -> tuple[FloatArray, BoolArray]:
     one, two = all_pairs(fleet.size)
     length = np.linalg.norm(position[one] - position[two], axis=1)
     return length, fleet_trees(length[None], fleet)[0]
 
 
-def _groups(position: FloatArray, fleet: Fleet) -> IntArray:
+def _groups(position: FloatArray, fleet: FleetConstraints) -> IntArray:
     """Return the (m,) number of the group of each agent: those whom edges of the tree join that are short enough."""
     length, tree = _tree(position, fleet)
     group = np.arange(fleet.size)
@@ -84,7 +111,7 @@ def _groups(position: FloatArray, fleet: Fleet) -> IntArray:
     return np.arange(fleet.size)  # it is a link that is too long, between two whom others keep in touch
 
 
-def _weights(group: IntArray, fleet: Fleet) -> Iterator[FloatArray]:
+def _weights(group: IntArray, fleet: FleetConstraints) -> Iterator[FloatArray]:
     """Yield (m,) how much each agent's group gives way: all by their speed, then all but one."""
     slowest = np.array([fleet.speed_max[(group == own) & fleet.is_active].min(initial=np.inf) for own in group])
     slowest[~fleet.is_active] = 0.0
@@ -93,7 +120,7 @@ def _weights(group: IntArray, fleet: Fleet) -> Iterator[FloatArray]:
         yield np.where(group == still, 1e-6, slowest)
 
 
-def _meeting(position: FloatArray, group: IntArray, weight: FloatArray, fleet: Fleet) -> FloatArray:
+def _meeting(position: FloatArray, group: IntArray, weight: FloatArray, fleet: FleetConstraints) -> FloatArray:
     """Return (m, d) [m] where everyone is once all gaps are closed: each edge in turn pulls its two groups."""
     near = NEAR * fleet.communication_range
     goal = position.copy()
@@ -129,22 +156,3 @@ def _ways(position: FloatArray, goal: FloatArray, aside: float) -> list[FloatArr
     if aside == 0.0:
         return list(goal[:, None])
     return list(np.stack([position + 0.5 * way + bend, goal + bend], axis=1))
-
-
-def _flown(task: Task, paths: list[FloatArray], group: IntArray, *, brake_first: bool) -> Trajectory:
-    """Return the motion along the ways: at once and everyone as fast as it can, or from rest and group by group."""
-    fleet, period, start, velocity = task.fleet, task.period, task.position, task.velocity
-    if not brake_first:
-        motion = track_waypoints(paths, start, velocity, fleet, period)
-        return Trajectory.from_velocities(start, velocity, motion.velocity[1:], task.start_time, period)
-    braking = braking_velocities(velocity, fleet, period)
-    stopped = Trajectory.from_velocities(start, velocity, braking, task.start_time, period).position[-1]
-    together = replace(
-        fleet,
-        speed_max=np.array([fleet.speed_max[group == own].min() for own in group]),
-        input_max=np.array([fleet.input_max[group == own].min() for own in group]),
-    )
-    moved = [path + (rest - here) for path, rest, here in zip(paths, stopped, start, strict=True)]
-    motion = track_waypoints(moved, stopped, np.zeros_like(velocity), together, period)
-    later = np.concatenate([braking, motion.velocity[1:]])
-    return Trajectory.from_velocities(start, velocity, later, task.start_time, period)

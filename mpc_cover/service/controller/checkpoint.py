@@ -41,6 +41,7 @@ class _Header(msgspec.Struct, frozen=True):
     schema: int = SCHEMA
     lost: dict[str, list[float]] = {}
     heard: dict[str, int] = {}
+    versions: list[str] = []
 
 
 def pack(snapshot: Snapshot, mission: str, generation: int) -> bytes:
@@ -54,6 +55,7 @@ def pack(snapshot: Snapshot, mission: str, generation: int) -> bytes:
         snapshot.origins,
         lost=snapshot.lost,
         heard=snapshot.heard,
+        versions=snapshot.versions,
     )
     arrays = b"".join(array.astype("<f8").tobytes() for array in snapshot.map.values())
     body = msgspec.json.encode(header) + b"\n" + arrays
@@ -71,7 +73,8 @@ def unpack(data: bytes) -> tuple[str, int, Snapshot] | None:
         kept = _arrays(np.frombuffer(arrays, dtype="<f8"), header.shapes)
     except (msgspec.MsgspecError, ValueError):
         return None  # written by something else, or by another version
-    snapshot = Snapshot(header.mission_time_s, kept, header.finished, header.origins, header.lost, header.heard)
+    known = header.origins, header.lost, header.heard, header.versions
+    snapshot = Snapshot(header.mission_time_s, kept, header.finished, *known)
     return header.mission, header.generation, snapshot
 
 
@@ -100,15 +103,26 @@ class FileCheckpoints:
 
     def load(self) -> tuple[Snapshot | None, str]:
         """Return where to resume, if anywhere, and what to tell the user about it."""
-        if not self._kept:
+        newest = self._newest
+        if newest is None:
             damaged = any(path.exists() for path in self._paths())
             return None, "no checkpoint is readable: starts afresh" if damaged else ""
-        mission, _, snapshot = max(self._kept, key=lambda kept: kept[1])
+        mission, _, snapshot = newest
         if mission != self._mission or not self._fits(snapshot):
             return None, "the checkpoint is of another version of this mission: starts afresh"
         if snapshot.finished:
             return None, "the mission was finished: starts afresh"
         return snapshot, f"goes on from the checkpoint at mission time {snapshot.mission_time_s:.1f} s"
+
+    @property
+    def versions(self) -> list[str]:
+        """Fingerprints of what the mission was before, for the same fleet, whether it is resumed or not."""
+        newest = self._newest
+        return newest[2].versions if newest is not None and newest[0] == self._mission else []
+
+    def take_up(self, mission: Mission) -> None:
+        """Keep snapshots of another version of the mission from now on."""
+        self._mission, self._given = mission_hash(mission), mission
 
     def save(self, snapshot: Snapshot, *, now: bool) -> str | None:
         """Write a checkpoint, at most one a second unless `now`; return what went wrong, if anything."""
@@ -127,6 +141,10 @@ class FileCheckpoints:
     def close(self) -> None:
         """Unlock the folder."""
         self._folder.close()
+
+    @property
+    def _newest(self) -> tuple[str, int, Snapshot] | None:
+        return max(self._kept, key=lambda kept: kept[1], default=None)
 
     def _fits(self, snapshot: Snapshot) -> bool:
         try:

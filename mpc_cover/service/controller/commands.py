@@ -1,8 +1,9 @@
-"""Commands to the controller: pause, resume, abort; a repeated request id gets the same reply."""
+"""Commands to the controller: pause, resume, abort, retask; a repeated request id gets the same reply."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mpc_cover.service.protocol.decoding import RejectedError, decode_request
@@ -14,9 +15,27 @@ if TYPE_CHECKING:
     from mpc_cover.service.protocol.bus import Request, Transport
     from mpc_cover.service.protocol.messages import Phase
 
-COMMANDS = ("pause", "resume", "abort")
+COMMANDS = ("pause", "resume", "abort", "retask")
 DEPTH = 16
 REMEMBERED = 64
+
+
+@dataclass(frozen=True)
+class Command:
+    """What was asked for, under which request id; a retask brings a `mission` as JSON."""
+
+    name: str
+    request: str
+    mission: str = ""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What became of a command; `problems` are those of a mission."""
+
+    accepted: bool = True
+    text: str = "done"
+    problems: tuple[str, ...] = ()
 
 
 class CommandDesk:
@@ -25,37 +44,49 @@ class CommandDesk:
     def __init__(self, mission: Mission, transport: Transport) -> None:
         self.paused = False
         self._requests = transport.requests(Keys(mission.spec.name).command(), DEPTH)
-        self._known: OrderedDict[str, str] = OrderedDict()
-        self._open: list[tuple[Request, str, str]] = []
+        self._known: OrderedDict[str, tuple[str, Decision]] = OrderedDict()
+        self._open: list[tuple[Request, Command]] = []
 
-    def take(self) -> list[str]:
+    def take(self) -> list[Command]:
         """Return the new commands, in their order."""
         commands = []
         for request in self._requests.drain():
-            command = request.key.rsplit("/", 1)[-1]
+            name = request.key.rsplit("/", 1)[-1]
             try:
                 asked = decode_request(request.payload)
             except RejectedError as error:
                 request.fail(str(error).encode())
                 continue
-            if command not in COMMANDS:
-                request.fail(f"unknown command {command}: must be one of {', '.join(COMMANDS)}".encode())
+            if name not in COMMANDS:
+                request.fail(f"unknown command {name}: must be one of {', '.join(COMMANDS)}".encode())
                 continue
-            self._open.append((request, asked.request, command))
+            command = Command(name, asked.request, asked.mission)
+            self._open.append((request, command))
             if asked.request not in self._known:
                 commands.append(command)
-                self._remember(asked.request, command)
+                self._remember(command)
         return commands
+
+    def decide(self, command: Command, decision: Decision) -> None:
+        """Say what became of a command that was taken; of those of which nothing is said, it is done."""
+        self._known[command.request] = command.name, decision
 
     def answer(self, phase: Phase) -> None:
         """Reply to what was taken, now that it is done."""
-        for request, name, command in self._open:
-            text = f"{self._known.get(name, command)}: done"
-            request.reply(encode(CommandReply(request=name, accepted=True, phase=phase, text=text)))
+        for request, command in self._open:
+            name, decision = self._known.get(command.request, (command.name, Decision()))
+            reply = CommandReply(
+                request=command.request,
+                accepted=decision.accepted,
+                phase=phase,
+                text=f"{name}: {decision.text}"[:1000],
+                problems=[problem[:1000] for problem in decision.problems[:1000]],
+            )
+            request.reply(encode(reply))
         self._open = []
 
-    def _remember(self, request: str, command: str) -> None:
-        self.paused = {"pause": True, "resume": False}.get(command, self.paused)
-        self._known[request] = command
+    def _remember(self, command: Command) -> None:
+        self.paused = {"pause": True, "resume": False}.get(command.name, self.paused)
+        self._known[command.request] = command.name, Decision()
         while len(self._known) > REMEMBERED:
             self._known.popitem(last=False)

@@ -66,6 +66,10 @@ class ControlStep:
         self._mission_clock, self._clock, self._steps = mission_clock, clock, steps
         self._control, self._speed, self._budget_of = control, speed, budget_of
 
+    def take_up(self, law: ControlLaw, control: Control) -> None:
+        """Plan by another law from now on, for another version of the mission."""
+        self._law, self._control, self.failures = law, control, 0
+
     def prepare(self, state: FleetState, coverage: FlownMap) -> tuple[Proposal, float]:
         """Return the first plan of a fleet at rest, and what it took [s]; whatever the law raises goes through."""
         begun = time.perf_counter()

@@ -113,6 +113,8 @@ class FleetMonitor:
     """All agents of a mission, in the order of its arrays.
 
     `speed` is that of the controller's clock; `history` is how many past states of each agent to ask for.
+    `earlier_versions` are the fingerprints of what this mission was before, for the same fleet: an agent may know any
+    of them, for its own limits and box are good for this one, too.
     """
 
     def __init__(self, mission: Mission, transport: Transport, speed: float = 1.0, *, history: int = 0) -> None:
@@ -128,10 +130,21 @@ class FleetMonitor:
         self._index = {name: index for index, name in enumerate(fleet.ids)}
         self._shape = fleet.start.shape
         self.speed, self._mission = speed, mission_hash(mission)
+        self.earlier_versions: list[str] = []
         self._state_period = mission.spec.control.state_period_s
         self._keys = keys
         self._states = transport.inbox(keys.state(), STATE_DEPTH * fleet.size, history=history)
         self._presence = transport.presence(keys.agent_alive())
+
+    def take_up(self, mission: Mission) -> None:
+        """Go on with another version of the mission for the same fleet, whose agents know what it was before."""
+        self.earlier_versions = [*dict.fromkeys([*self.earlier_versions, self._mission])]
+        self._mission = mission_hash(mission)
+
+    def on_earlier_versions(self) -> list[str]:
+        """Return the ids of those that know what the mission was before."""
+        earlier = set(self.earlier_versions) - {self._mission}
+        return [link.id for link in self.links if link.state and link.state.mission in earlier]
 
     def skip(self, heard: dict[str, int]) -> None:
         """Measure nothing from states up to these numbers, by the agent's instance: they were taken in before."""
@@ -193,7 +206,7 @@ class FleetMonitor:
         for link in self.links:
             if link.state is None or link.id not in present or link.id in late:
                 missing[link.id] = f"{link.id} is not here"
-            elif link.state.mission != self._mission:
+            elif link.state.mission not in {self._mission, *self.earlier_versions}:
                 missing[link.id] = f"{link.id} has another version of this mission"
             elif link.state.speed != self.speed:
                 own = f"this controller at {self.speed:g}"

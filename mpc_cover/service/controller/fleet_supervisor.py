@@ -58,7 +58,7 @@ class FleetSupervisor:
     ) -> None:
         control = mission.spec.control
         self.fleet = fleet
-        self._ids, self._cell = mission.fleet.ids, mission.field.cell
+        self._ids = mission.fleet.ids
         self._publisher, self._tell, self._tolerates_losses = publisher, tell, tolerates_losses
         self._detector = FailureDetector(mission, fleet)
         self._predictor = StatePredictor(mission, publisher)
@@ -66,10 +66,22 @@ class FleetSupervisor:
         self._horizon_s = control.horizon_steps * control.period_s
         self._rests = {self._ids.index(name): np.array(place) for name, place in rests.items() if name in self._ids}
         self._straying: set[int] = set()
-        self._tight = tightened(mission)
-        self._reachable: tuple[frozenset[int], BoolArray] | None = None
+        self._on_earlier_versions: list[str] = []
+        self.take_up(mission)
         if self._rests and tolerates_losses:
             self._detector.lost = dict.fromkeys(self._rests, FailureMode.BRAKES)
+
+    def take_up(self, mission: Mission) -> None:
+        """Judge what can be measured by a version of the mission, for the same fleet."""
+        self._tight, self._cell = tightened(mission), mission.field.cell
+        self._reachable: tuple[frozenset[int], BoolArray] | None = None
+
+    def tell_versions(self) -> None:
+        """Tell whose mission file is an earlier version, when that has changed."""
+        before, self._on_earlier_versions = self._on_earlier_versions, self.fleet.on_earlier_versions()
+        if self._on_earlier_versions and self._on_earlier_versions != before:
+            names = ", ".join(self._on_earlier_versions)
+            self._tell("versions", f"started with an earlier version of this mission, for the same fleet: {names}")
 
     @property
     def lost(self) -> list[str]:

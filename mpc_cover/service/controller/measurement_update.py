@@ -42,6 +42,11 @@ class MeasurementUpdate:
             self._origins = dict(resume.origins)
             self.fleet.skip(resume.heard)
 
+    def take_up(self, mission: Mission, coverage: FlownMap) -> None:
+        """Mark another map from now on, of another version of the mission for the same fleet."""
+        self._coverage = coverage
+        self.fleet.take_up(mission)
+
     def listen(self) -> None:
         """Take in the states that arrived, and mark what was measured."""
         rounds = self.fleet.receive()
@@ -54,7 +59,8 @@ class MeasurementUpdate:
         """Return how far the mission is; `lost` says where who is lost rests."""
         heard = {link.state.instance: link.state.seq for link in self.fleet.links if link.state}
         origins = self._agent_origins()
-        return Snapshot(self._mission_clock.now(), self._coverage.state(), finished, origins, lost, heard)
+        now_s, versions = self._mission_clock.now(), self.fleet.earlier_versions
+        return Snapshot(now_s, self._coverage.state(), finished, origins, lost, heard, versions)
 
     def _find_origin(self) -> None:
         """Let mission time run on as it did under the controller before."""

@@ -74,6 +74,10 @@ class PlanPublisher:
         self._seq += 1
         return verdict
 
+    def take_up(self, mission: Mission) -> None:
+        """Judge by another version of the mission from now on, for the same fleet."""
+        self._filter = SafetyFilter(mission)
+
     def forget(self, index: int) -> None:
         """Forget what was sent to agent number `index`: another one has taken its place."""
         self._sent[index].clear()

@@ -18,8 +18,16 @@ class TransportError(UserError):
     """The network cannot be used as asked: a port in use, an unreachable endpoint, a bad configuration."""
 
 
+class UnreachableError(TransportError):
+    """Nobody is where the network was to be joined."""
+
+
 class RequestError(Exception):
     """A request that nobody answered, or that was answered with an error."""
+
+
+class NoAnswerError(RequestError):
+    """A request that nobody answered in time."""
 
 
 @dataclass(frozen=True)
@@ -168,8 +176,10 @@ class Transport(Protocol):
 
         Raises
         ------
+        NoAnswerError
+            No answer in time.
         RequestError
-            No answer in time, or an error instead of an answer.
+            An error instead of an answer.
         """
         ...
 

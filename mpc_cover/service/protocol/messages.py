@@ -17,6 +17,8 @@ Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 Text = Annotated[str, msgspec.Meta(max_length=1000)]
 Id = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
 Vector = Annotated[list[float], msgspec.Meta(min_length=1, max_length=3)]
+MissionText = Annotated[str, msgspec.Meta(max_length=1 << 20)]
+Problems = Annotated[list[Text], msgspec.Meta(max_length=1000)]
 Samples = Annotated[list[Vector], msgspec.Meta(min_length=1, max_length=1001)]
 
 
@@ -140,19 +142,24 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class CommandRequest(Message, frozen=True, kw_only=True):
-    """Asks for pause, resume or abort; the request id makes a repeat harmless."""
+    """Asks for pause, resume, abort or retask; the request id makes a repeat harmless.
+
+    `mission` is the mission, as JSON, that a retask asks to go on with.
+    """
 
     request: Id
     text: Text = ""
+    mission: MissionText = ""
 
 
 class CommandReply(Message, frozen=True, kw_only=True):
-    """What became of a command."""
+    """What became of a command; `problems` are those of a mission, each with its path."""
 
     request: Id
     accepted: bool
     phase: Phase
     text: Text = ""
+    problems: Problems = []
 
 
 def encode(message: Message) -> bytes:

@@ -16,6 +16,7 @@ import zenoh
 
 from mpc_cover.service.protocol.bus import (
     Inbox,
+    NoAnswerError,
     Presence,
     Quality,
     Received,
@@ -23,6 +24,7 @@ from mpc_cover.service.protocol.bus import (
     RequestError,
     RequestInbox,
     TransportError,
+    UnreachableError,
 )
 from mpc_cover.service.protocol.network import NetworkOptions, settings
 
@@ -41,8 +43,10 @@ def open_transport(options: NetworkOptions, clock: Clock, stop: Event) -> ZenohT
 
     Raises
     ------
+    UnreachableError
+        An endpoint stays unreachable.
     TransportError
-        A port in use, an endpoint that is not one or stays unreachable, a bad configuration file.
+        A port in use, an endpoint that is none, a bad configuration file.
     InterruptedError
         `stop` was set meanwhile.
     """
@@ -56,7 +60,7 @@ def open_transport(options: NetworkOptions, clock: Clock, stop: Event) -> ZenohT
             if "Unable to connect" not in text:
                 raise TransportError(_cannot_listen(options, text)) from None
             if time.monotonic() >= deadline:
-                raise TransportError(_cannot_connect(options)) from None
+                raise UnreachableError(_cannot_connect(options)) from None
         if stop.is_set():
             raise InterruptedError
 
@@ -93,6 +97,8 @@ def _plain(error: zenoh.ZError) -> str:
     return text.split(" at /", 1)[0].replace("[", "").strip()
 
 
+_TIMED_OUT = "Timeout"
+"""What Zenoh itself replies to a query that somebody took and did not answer in time."""
 _ASK_AGAIN_S = 0.05
 """Pause before a question that nobody heard is asked again."""
 
@@ -194,8 +200,10 @@ class ZenohTransport:
 
         Raises
         ------
+        NoAnswerError
+            No answer in time.
         RequestError
-            No answer in time, or an error instead of an answer.
+            An error instead of an answer.
         """
         deadline, pause = time.monotonic() + timeout_s, Event()
         while (left_s := deadline - time.monotonic()) > 0.0:
@@ -203,9 +211,11 @@ class ZenohTransport:
                 if reply.ok is not None:
                     return bytes(reply.ok.payload.to_bytes())
                 said = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "error"
+                if said == _TIMED_OUT:
+                    break
                 raise RequestError(f"{key}: {said}")
             pause.wait(min(_ASK_AGAIN_S, left_s))
-        raise RequestError(f"{key}: no answer within {timeout_s:g} s")
+        raise NoAnswerError(f"{key}: no answer within {timeout_s:g} s")
 
     def close(self) -> None:
         """Leave the network; may be called twice.

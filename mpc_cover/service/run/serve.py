@@ -7,6 +7,7 @@ import sys
 import time
 import uuid
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from threading import Event, Thread
 from typing import TYPE_CHECKING, TypeVar
@@ -162,7 +163,7 @@ def say(text: str) -> None:
 def _controller(
     mission: Mission, options: ServeOptions, folder: StateDirectory, transport: Transport, clock: Clock
 ) -> Controller:
-    from mpc_cover.control.control_law import make_control_law  # noqa: PLC0415 - heavy
+    from mpc_cover.control.factory import make_control_law  # noqa: PLC0415 - heavy
     from mpc_cover.service.controller.checkpoint import FileCheckpoints  # noqa: PLC0415 - only here
     from mpc_cover.service.controller.step_log import StepLog  # noqa: PLC0415 - likewise
     from mpc_cover.service.controller.tick import Controller  # noqa: PLC0415 - agents need none
@@ -173,9 +174,10 @@ def _controller(
         resume, text = None, "starts afresh, as asked; the checkpoint is not used"
     if text:
         say(text)
+    law_for = partial(make_control_law, backend=options.backend, seed=options.seed)
     return Controller(
         mission,
-        make_control_law(mission, options.backend, options.seed),
+        law_for(mission),
         transport,
         clock,
         epoch=folder.next_epoch(),
@@ -184,6 +186,8 @@ def _controller(
         stay=options.stay,
         checkpoints=checkpoints,
         resume=resume,
+        law_for=law_for,
+        versions=checkpoints.versions,
         steps=StepLog(options.step_log),
         say=say,
     )

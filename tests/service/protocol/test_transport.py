@@ -8,7 +8,7 @@ from service_fakes import until
 
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.service.protocol import bus
-from mpc_cover.service.protocol.bus import RequestError, TransportError
+from mpc_cover.service.protocol.bus import NoAnswerError, RequestError, TransportError
 from mpc_cover.service.protocol.decoding import MAX_PAYLOAD
 from mpc_cover.service.protocol.network import NetworkOptions
 from mpc_cover.service.protocol.transport import open_transport
@@ -117,10 +117,20 @@ def test_a_request_is_asked_again_until_somebody_is_there_to_answer(join):
     assert answers == [b"late"]
 
 
-def test_a_request_that_nobody_answers(join):
-    join()
-    with pytest.raises(RequestError, match="no answer"):
-        join().ask("cover/m/ctl/cmd/pause", b"", 0.2)
+@pytest.mark.parametrize("somebody_is_there", [False, True])
+def test_a_request_that_nobody_answers(join, somebody_is_there):
+    here, there = join(), join()
+    requests = here.requests("cover/m/ctl/cmd/*", 4) if somebody_is_there else None
+    if requests is not None:
+        until(lambda: _reaches(there, requests))
+    with pytest.raises(NoAnswerError, match=r"no answer within 0\.2 s"):
+        there.ask("cover/m/ctl/cmd/pause", b"", 0.2)
+
+
+def _reaches(there, requests):
+    with pytest.raises(NoAnswerError):
+        there.ask("cover/m/ctl/cmd/resume", b"", 0.05)
+    return requests.drain()
 
 
 def test_a_lost_link_is_made_again(join, endpoint):

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
 
 DEFAULT_BACKEND = "piqp"
+CONTROLLERS = ("mpc", "potential")
 
 MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission file (YAML), or the name of one that comes along, as box-3.")
@@ -102,6 +103,27 @@ def flight_backend(name: str | None, controller: str) -> str:
     if controller == "potential":
         raise UserError(f"--backend {name}: the potential law solves no QP: leave --backend out, or use mpc")
     return name
+
+
+def is_distributed(controller: str, mission: Mission) -> bool:
+    """Return whether each agent flies by the potential law, without a controller.
+
+    Raises
+    ------
+    UserError
+        There is no such controller, or it cannot fly the mission.
+    """
+    if controller not in CONTROLLERS:
+        raise UserError(f"--controller {controller}: is none: must be one of {', '.join(CONTROLLERS)}")
+    if controller == "potential":
+        from mpc_cover.distributed.setup import check_flyable  # noqa: PLC0415 - others need not wait for it
+
+        check_flyable(mission)
+        return True
+    from mpc_cover.control.factory import require_double  # noqa: PLC0415 - likewise
+
+    require_double(mission)
+    return False
 
 
 def cores() -> int:

@@ -1,4 +1,4 @@
-"""`mpc-cover bench`: argument parsing only."""
+"""`mpc-cover bench`: what the planner takes, against general-purpose solvers and part by part."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mpc_cover.cli_options import (
+from mpc_cover.cli.options import (
     Backend,
     CpuTime,
     Json,
@@ -18,7 +18,6 @@ from mpc_cover.cli_options import (
     load,
     print_json,
 )
-from mpc_cover.cli_swarm import flies_alone
 from mpc_cover.errors import UserError
 
 if TYPE_CHECKING:
@@ -31,8 +30,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-MOST_STEPS = 100_000
 
 MOST_STEPS = 100_000
 
@@ -52,14 +49,15 @@ def planner(
     as_json: Json = False,
 ) -> None:
     """Solve a mission with our planner and with general-purpose solvers, each judged by the same verifier."""
-    from mpc_cover.studies import benchmark  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.control.factory import require_double  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.studies import benchmark  # noqa: PLC0415
     from mpc_cover.studies.race import Limit  # noqa: PLC0415
     from mpc_cover.studies.verdict import TOLERANCE  # noqa: PLC0415
     from mpc_cover.view.benchmark import print_benchmark  # noqa: PLC0415
 
     check_seconds("--time-limit", time_limit)
     loaded, console, limit = load(mission), console_for(as_json=as_json), Limit(time_limit, cpu_time)
-    flies_alone("mpc", loaded)  # what no planner of ours can plan is no race
+    require_double(loaded)  # what no planner of ours can plan is no race
     if out is not None:
         benchmark.check_folder(out)
     with console.status("starting") as status:
@@ -88,12 +86,13 @@ def step(
     as_json: Json = False,
 ) -> None:
     """Fly a mission in closed loop and say where the milliseconds of a control step go."""
+    from mpc_cover.control.factory import require_double  # noqa: PLC0415
     from mpc_cover.studies.step_profile import profile_steps  # noqa: PLC0415
     from mpc_cover.view.benchmark import print_steps  # noqa: PLC0415
 
     check_backend(backend)
     loaded, console = load(mission), console_for(as_json=as_json)
-    flies_alone("mpc", loaded)
+    require_double(loaded)
     with console.status("planning") as status:
         parts = profile_steps(loaded, backend, lambda part: status.update(f"flying: {100.0 * part:.1f} % covered"))
     print_steps(parts, f"{loaded.spec.name}, {backend}: one control step", console)

@@ -1,22 +1,26 @@
-"""`mpc-cover study`: what it prints, its exit status, and that a mistake is one message and exit status 2."""
+"""`mpc-cover study horizon`: what it prints, its exit status, and that a mistake is one message and exit status 2."""
 
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
-from tiny_mission import TINY
+from tiny_mission import TINY, WIDE
+
+from mpc_cover.studies.measure import coverage_curve
+from mpc_cover.trajectory_file import load_trajectory
 
 
 @pytest.fixture
-def run(run):
+def study(run):
     """Return a function that runs a study in a folder with a mission: exit status, stdout, stderr."""
     Path("tiny.yaml").write_text(yaml.safe_dump(TINY))
     return lambda *arguments: run("study", "horizon", *arguments)
 
 
-def test_a_study_prints_a_table_and_leaves_its_results(run):
-    status, out, _ = run("tiny.yaml", "--controllers", "sweep,potential", "--seeds", 1, "--jobs", 1, "--out", "s")
+def test_a_study_prints_a_table_and_leaves_its_results(study):
+    status, out, _ = study("tiny.yaml", "--controllers", "sweep,potential", "--seeds", 1, "--jobs", 1, "--out", "s")
     assert status == 0
     assert "2 runs; results in s" in out
     assert "tiny: swath bound 2.1 s" in out
@@ -24,9 +28,9 @@ def test_a_study_prints_a_table_and_leaves_its_results(run):
     assert len(Path("s/runs.csv").read_text().splitlines()) == 3
 
 
-def test_json_is_all_there_is_on_stdout(run):
+def test_json_is_all_there_is_on_stdout(study):
     arguments = ("tiny.yaml", "--horizons", "6,4s", "--seeds", 1, "--jobs", 1, "--out", "s", "--json")
-    status, out, err = run(*arguments, "--starts", "mission")
+    status, out, err = study(*arguments, "--starts", "mission")
     data = json.loads(out)
     assert status == 0
     assert data["folder"] == "s"
@@ -51,8 +55,8 @@ def test_json_is_all_there_is_on_stdout(run):
         (["--dask", "nowhere"], "--dask"),
     ],
 )
-def test_a_mistake_is_one_message_and_nothing_is_written(run, arguments, message):
-    status, out, err = run("tiny.yaml", "--out", "s", *arguments)
+def test_a_mistake_is_one_message_and_nothing_is_written(study, arguments, message):
+    status, out, err = study("tiny.yaml", "--out", "s", *arguments)
     assert status == 2
     assert not out
     assert err.startswith("mpc-cover: ")
@@ -61,10 +65,22 @@ def test_a_mistake_is_one_message_and_nothing_is_written(run, arguments, message
     assert not Path("s").exists()
 
 
-def test_a_folder_of_something_else_is_refused(run):
+def test_a_study_flies_the_potential_law_that_simulate_flies(run, study):
+    law = {"alpha": 2.5, "core_m": 0.2, "random_part": 0.2, "patience_s": 4.0, "repel_within_m": 1.2}
+    Path("own.yaml").write_text(yaml.safe_dump({**WIDE, "potential": law}))
+    run("simulate", "own.yaml", "--controller", "potential", "--seed", 0, "--out", "r")
+    study("own.yaml", "--controllers", "potential", "--starts", "mission", "--seeds", 1, "--out", "s")
+    (file,) = Path("s/runs").iterdir()
+    record, flown = json.loads(file.read_text()), load_trajectory("r/trajectory.npz")
+    assert record["curve_s"] == list(coverage_curve(flown.covered_at))
+    assert record["duration_s"] == flown.time[-1] - flown.time[0]
+    assert record["effort_m2_per_s3"] == float(np.diff(flown.time) @ (flown.input**2).sum(axis=(1, 2)))
+
+
+def test_a_folder_of_something_else_is_refused(study):
     Path("s").mkdir()
     Path("s/notes.txt").write_text("mine")
-    status, _, err = run("tiny.yaml", "--out", "s", "--controllers", "sweep", "--seeds", 1)
+    status, _, err = study("tiny.yaml", "--out", "s", "--controllers", "sweep", "--seeds", 1)
     assert status == 2
     assert "--out s: is not empty and not a study of mpc-cover" in err
     assert [file.name for file in Path("s").iterdir()] == ["notes.txt"]

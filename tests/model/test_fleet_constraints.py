@@ -14,7 +14,7 @@ def fleet(**changes):
 
 
 def test_nothing_is_asked_of_two_who_are_lost_and_what_can_be_kept_of_two_who_are_too_near():
-    some = fleet(lost=(1, 3), apart={(0, 2): 0.3, (1, 3): 0.2})
+    some = fleet(lost=(1, 3), pair_separation={(0, 2): 0.3, (1, 3): 0.2})
     # pairs 01, 02, 03, 12, 13, 23
     assert some.separations.tolist() == [0.5, 0.3, 0.5, 0.5, 0.0, 0.5]
 

@@ -1,4 +1,4 @@
-"""`mpc-cover size`: argument parsing only."""
+"""`mpc-cover size`: how many agents for a rate of measurement."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mpc_cover.cli_options import Json, console_for, print_json
+from mpc_cover.cli.options import Json, console_for, print_json
 
 
 def size(

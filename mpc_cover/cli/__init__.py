@@ -1,0 +1,65 @@
+"""The command line, a file a command; a user's mistake is one message and exit status 2."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from mpc_cover.cli import agent, bench, check, demo, plan, plot, retask, serve, simulate, size, study
+from mpc_cover.errors import UserError
+
+USER_ERROR = 2
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""Our matrices are small: more threads only get in each other's way (set before numpy is imported)."""
+
+app = typer.Typer(
+    name="mpc-cover",
+    help="Receding-horizon area coverage by a fleet of mobile sensors.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from mpc_cover import __version__  # noqa: PLC0415 - every import here is one that agents need not wait for
+
+        typer.echo(f"mpc-cover {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Receding-horizon area coverage by a fleet of mobile sensors."""
+
+
+app.command()(demo.demo)
+app.command()(simulate.simulate)
+app.command()(plan.plan)
+app.command()(check.check)
+app.command()(plot.plot)
+app.command()(serve.serve)
+app.command()(agent.agent)
+app.command()(retask.retask)
+app.command()(size.size)
+app.add_typer(bench.app)
+app.add_typer(study.app)
+
+
+def main() -> None:
+    """Run the command line; the entry point of `mpc-cover`."""
+    try:
+        app(prog_name="mpc-cover")
+    except UserError as error:
+        sys.stderr.write(f"mpc-cover: {error}\n")
+        sys.exit(USER_ERROR)

@@ -1,0 +1,48 @@
+"""`mpc-cover agent`: one simulated agent."""
+
+from __future__ import annotations
+
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from typing import Annotated
+
+import typer
+
+from mpc_cover.cli.network_options import Config, Connect, Listen, Timeout, WithParent, network_options
+from mpc_cover.cli.options import Controller, MissionArgument, Seed, Speed, check_speed, is_distributed, load
+
+
+def agent(
+    mission: MissionArgument,
+    agent_id: Annotated[str, typer.Option("--id", metavar="ID", help="Which of the mission's agents to be.")],
+    connect: Connect = None,
+    listen: Listen = None,
+    config: Config = None,
+    connect_timeout: Timeout = 10.0,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="FILE", help="Write the exact motion here, as JSON lines.")
+    ] = None,
+    seed: Seed = 0,
+    speed: Speed = 1.0,
+    controller: Controller = "mpc",
+    with_parent: WithParent = False,
+) -> None:
+    """Be one simulated agent: fly the plans that come, each to its end at rest, until a signal comes.
+
+    Without -e, -l and --config it connects to tcp/127.0.0.1:7474, where `mpc-cover serve` listens.
+
+    With --controller potential no plans come: it flies by the potential law on what it hears from the others, and ends
+    when all know that everything is covered. Without endpoints the agents of a mission find each other on loopback.
+    """
+    from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.service.run.serve import AgentOptions, fly  # noqa: PLC0415
+
+    check_speed(speed)
+    loaded = load(mission)
+    options = AgentOptions(speed, record, with_parent, seed)
+    if is_distributed(controller, loaded):
+        from mpc_cover.service.run.swarm_serve import fly_alone  # noqa: PLC0415
+
+        network = network_options(connect, listen, config, connect_timeout)
+        raise typer.Exit(fly_alone(loaded, agent_id, options, network))
+    network = network_options(connect, listen, config, connect_timeout, default_connect=DEFAULT_ENDPOINT)
+    raise typer.Exit(fly(loaded, agent_id, options, network))

@@ -1,0 +1,30 @@
+"""`mpc-cover check`: what holds of a trajectory, and by what margin."""
+
+from __future__ import annotations
+
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from typing import Annotated
+
+import typer
+
+from mpc_cover.cli.options import Json, console_for, print_json
+
+
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A trajectory file, or a run folder.")],
+    as_json: Json = False,
+) -> None:
+    """Verify a trajectory independently: what holds, and by what margin; exit status 0 if all does, else 1."""
+    from mpc_cover.service.run.run_folder import find_trajectory  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.trajectory_file import load_trajectory  # noqa: PLC0415
+    from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
+    from mpc_cover.verification.summary import summarise  # noqa: PLC0415
+    from mpc_cover.view.tables import print_report  # noqa: PLC0415
+
+    trajectory = load_trajectory(find_trajectory(file))
+    report = check_trajectory(trajectory)
+    summary = summarise(trajectory, report)
+    print_report(report, console_for(as_json=as_json), summary.information)
+    if as_json:
+        print_json({**report.to_dict(), "summary": summary.to_dict()})
+    raise typer.Exit(0 if report.holds else 1)

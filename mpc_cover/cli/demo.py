@@ -1,0 +1,89 @@
+"""`mpc-cover demo`: a controller and its agents as real processes on this machine."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from mpc_cover.cli.options import (
+    Controller,
+    FlightBackend,
+    Json,
+    Kill,
+    OptionalMission,
+    RunOut,
+    Seed,
+    Speed,
+    check_speed,
+    console_for,
+    finish,
+    flight_backend,
+    is_distributed,
+    load,
+)
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.run.demo_options import DemoOptions
+    from mpc_cover.service.run.run_folder import RunFolder
+    from mpc_cover.verification.summary import RunSummary
+
+
+def demo(
+    mission: OptionalMission = "box-3",
+    out: RunOut = None,
+    seed: Seed = 0,
+    backend: FlightBackend = None,
+    speed: Speed = 1.0,
+    kill: Kill = None,
+    controller: Controller = "mpc",
+    as_json: Json = False,
+) -> None:
+    """Fly a mission with a controller and its agents as real processes over Zenoh on loopback."""
+    from mpc_cover.service.run.demo_options import DemoOptions  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.service.run.fault_injection import parse_kills  # noqa: PLC0415
+    from mpc_cover.service.run.run_folder import RunFolder, default_folder  # noqa: PLC0415
+
+    check_speed(speed)
+    solver = flight_backend(backend, controller)
+    loaded = load(mission)
+    deaths = parse_kills(kill or [], loaded)
+    fly = _fly_distributed if is_distributed(controller, loaded) else _fly_centralised
+    folder = RunFolder(out or default_folder(loaded), "demo", loaded)
+    console = console_for(as_json=as_json)
+    fleet = f"{loaded.fleet.size} agents, {loaded.field.size} cells"
+    console.print(f"{loaded.spec.name}: {fleet}; run folder {folder.path}", highlight=False, markup=False)
+    summary, extra, status = fly(loaded, DemoOptions(solver, seed, speed, deaths), folder, console)
+    finish(console, summary, extra, as_json=as_json, where=folder.path)
+    raise typer.Exit(status)
+
+
+def _fly_centralised(
+    mission: Mission, options: DemoOptions, folder: RunFolder, console: Console
+) -> tuple[RunSummary | None, dict[str, Any], int]:
+    """Fly with a controller; return the summary, what else there is to say, and the exit status."""
+    from mpc_cover.service.run.demo import run_demo  # noqa: PLC0415 - as above
+
+    result = run_demo(mission, options, folder, console)
+    extra = {
+        "folder": str(folder.path),
+        "outcome": result.outcome,
+        "controller_restarts": result.controller_restarts,
+        "lost": list(result.lost),
+        "exit_status": result.exit_status,
+    }
+    return result.summary, extra, result.exit_status
+
+
+def _fly_distributed(
+    mission: Mission, options: DemoOptions, folder: RunFolder, console: Console
+) -> tuple[RunSummary | None, dict[str, Any], int]:
+    """Fly by the potential law, one process an agent; returns as `_fly_centralised` does."""
+    from mpc_cover.service.run.swarm_demo import run_swarm_demo  # noqa: PLC0415 - as above
+
+    result = run_swarm_demo(mission, options, folder, console)
+    extra = {"folder": str(folder.path), "outcome": result.outcome, "exit_status": result.exit_status}
+    return result.summary, {**extra, "controller": "potential", "lost": list(result.lost)}, result.exit_status

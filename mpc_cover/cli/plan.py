@@ -1,0 +1,61 @@
+"""`mpc-cover plan`: the optimal coverage NLP offline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mpc_cover.cli.options import Backend, Json, Seed, check_backend, check_seconds, console_for, finish, print_json
+from mpc_cover.errors import UserError
+
+
+def plan(
+    mission: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[MISSION]", help="A mission file (YAML), or the name of one that comes along; default box-3."
+        ),
+    ] = None,
+    everything: Annotated[
+        Path | None, typer.Option("--all", metavar="DIR", help="Plan every mission of a folder instead.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Trajectory file, or with --all the folder; default plan.npz, plans.")
+    ] = None,
+    starts: Annotated[int, typer.Option("--starts", min=1, max=1000, help="Guesses to tell apart.")] = 10,
+    time_limit: Annotated[
+        float | None, typer.Option("--time-limit", help="Seconds to search; whatever the limit, the result holds.")
+    ] = None,
+    min_time: Annotated[
+        bool, typer.Option("--min-time", help="Search for the shortest plan that covers everything.")
+    ] = False,
+    cones: Annotated[
+        str,
+        typer.Option("--cones", help="Speeds, inputs, edges as polygons inside their discs, or exact, by cones."),
+    ] = "polygons",
+    profile: Annotated[bool, typer.Option("--profile", help="Show where the time goes.")] = False,
+    seed: Seed = 0,
+    backend: Backend = "piqp",
+    as_json: Json = False,
+) -> None:
+    """Solve the optimal coverage NLP offline, over the mission's planning.duration_s."""
+    from mpc_cover.planning.offline import PlanOptions  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.studies.plans import plan_files  # noqa: PLC0415
+
+    check_backend(backend)
+    if time_limit is not None:
+        check_seconds("--time-limit", time_limit)
+    if mission is not None and everything is not None:
+        raise UserError(f"MISSION {mission} and --all {everything} are both given: plan one mission, or a folder")
+    if cones not in {"polygons", "exact"}:
+        raise UserError(f"--cones {cones}: must be polygons or exact")
+    options = PlanOptions(backend, seed, starts, time_limit, min_time, cones == "exact")
+    console, several = console_for(as_json=as_json), everything is not None
+    results = plan_files(everything or mission or "box-3", out, options, console, folder=several, profile=profile)
+    for summary, extra in results:
+        finish(console, summary, extra, as_json=as_json and not several, where=Path(extra["file"]))
+    if as_json and several:
+        print_json({"plans": [{**summary.to_dict(), **extra} for summary, extra in results]})
+    raise typer.Exit(0 if all(summary.holds for summary, _ in results) else 1)

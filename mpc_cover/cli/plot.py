@@ -1,0 +1,28 @@
+"""`mpc-cover plot`: pictures of a trajectory."""
+
+from __future__ import annotations
+
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from typing import Annotated
+
+import typer
+
+
+def plot(
+    path: Annotated[Path, typer.Argument(metavar="FILE|DIR", help="A trajectory file, or a run folder.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the PNGs; default the run folder, or FILE without .npz.")
+    ] = None,
+) -> None:
+    """Draw a trajectory: paths over the coverage map, coverage, speeds, inputs, distances, step times."""
+    from mpc_cover.service.run.run_folder import find_trajectory, read_step_times  # noqa: PLC0415 - --help waits for none
+    from mpc_cover.trajectory_file import load_trajectory  # noqa: PLC0415
+    from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
+    from mpc_cover.view.figures import draw_run  # noqa: PLC0415
+
+    file = find_trajectory(path)
+    trajectory = load_trajectory(file)
+    beside = path if path.is_dir() else file.with_suffix("")
+    files = draw_run(trajectory, out or beside, read_step_times(file.parent), check_trajectory(trajectory))
+    for drawn in files:
+        typer.echo(drawn)

@@ -1,0 +1,57 @@
+"""`mpc-cover retask`: another version of the mission for a fleet in flight."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import typer
+
+from mpc_cover.cli.network_options import Config, Connect, Timeout, network_options
+from mpc_cover.cli.options import Json, MissionArgument, load, print_json
+
+if TYPE_CHECKING:
+    from mpc_cover.service.protocol.messages import CommandReply
+
+REFUSED = 1
+
+
+def retask(
+    mission: MissionArgument,
+    connect: Connect = None,
+    config: Config = None,
+    connect_timeout: Timeout = 10.0,
+    as_json: Json = False,
+) -> None:
+    """Let a running controller go on with another version of its mission, for the same fleet, without a restart.
+
+    Without -e and --config it connects to tcp/127.0.0.1:7474, where `mpc-cover serve` listens. Exit status 1 when the
+    controller refuses, or does not answer.
+    """
+    from mpc_cover.control.factory import require_double  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.service.protocol.bus import RequestError, UnreachableError  # noqa: PLC0415
+    from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT  # noqa: PLC0415
+    from mpc_cover.service.run.retask import retask as run_retask  # noqa: PLC0415
+
+    loaded = load(mission)
+    require_double(loaded)
+    network = network_options(connect, None, config, connect_timeout, default_connect=DEFAULT_ENDPOINT)
+    try:
+        reply = run_retask(loaded, network)
+    except (UnreachableError, RequestError) as error:
+        sys.stderr.write(f"mpc-cover: {error}\n")
+        raise typer.Exit(REFUSED) from None
+    _print(reply, loaded.spec.name, as_json=as_json)
+    raise typer.Exit(0 if reply.accepted else REFUSED)
+
+
+def _print(reply: CommandReply, name: str, *, as_json: bool) -> None:
+    """Say what the controller said: what it refuses on stderr."""
+    if as_json:
+        said = {"accepted": reply.accepted, "phase": reply.phase, "text": reply.text, "problems": reply.problems}
+        print_json({"mission": name, **said})
+    if reply.accepted:
+        typer.echo(reply.text, err=as_json)
+    else:
+        problems = "".join(f"\n  {problem}" for problem in reply.problems)
+        sys.stderr.write(f"mpc-cover: mission {name}: {reply.text}{problems}\n")

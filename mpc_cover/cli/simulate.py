@@ -1,0 +1,103 @@
+"""`mpc-cover simulate`: the closed loop in one process on a virtual clock."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from mpc_cover.cli.options import (
+    Controller,
+    FlightBackend,
+    Json,
+    Kill,
+    MissionArgument,
+    RunOut,
+    Seed,
+    console_for,
+    finish,
+    flight_backend,
+    is_distributed,
+    load,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rich.console import Console
+
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.run.run_folder import RunFolder
+    from mpc_cover.verification.summary import RunSummary
+
+
+def simulate(
+    mission: MissionArgument,
+    out: RunOut = None,
+    seed: Seed = 0,
+    backend: FlightBackend = None,
+    kill: Kill = None,
+    controller: Controller = "mpc",
+    as_json: Json = False,
+) -> None:
+    """Fly the same closed loop in one process on a virtual clock: no network, the same result every time."""
+    from mpc_cover.service.run.fault_injection import parse_kills  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.service.run.run_folder import RunFolder, default_folder  # noqa: PLC0415
+
+    solver = flight_backend(backend, controller)
+    loaded = load(mission)
+    deaths = parse_kills(kill or [], loaded)
+    distributed = is_distributed(controller, loaded)
+    folder = RunFolder(out or default_folder(loaded), "simulate", loaded)
+    console = console_for(as_json=as_json)
+    if distributed:
+        summary, extra, status = _fly_distributed(loaded, seed, deaths, folder, console)
+    else:
+        summary, extra, status = _fly_centralised(loaded, solver, seed, deaths, folder, console)
+    finish(console, summary, extra, as_json=as_json, where=folder.path)
+    raise typer.Exit(status)
+
+
+def _fly_centralised(
+    mission: Mission, backend: str, seed: int, deaths: Mapping[str, float], folder: RunFolder, console: Console
+) -> tuple[RunSummary, dict[str, Any], int]:
+    """Fly with a controller; return the summary, what else there is to say, and the exit status."""
+    from mpc_cover.service.run.progress import Progress  # noqa: PLC0415 - as above
+    from mpc_cover.service.run.run_folder import step_times_of  # noqa: PLC0415
+    from mpc_cover.service.run.simulate import simulate as run_simulation  # noqa: PLC0415
+
+    with Progress(console) as progress:
+        result = run_simulation(mission, backend=backend, seed=seed, deaths=deaths, on_tick=progress.show)
+    times = step_times_of([step.tick_time_s for step in result.steps if step.kind == "step"])
+    console.print(result.outcome, highlight=False, markup=False, soft_wrap=True)
+    ended = {"complete": result.complete, "outcome": result.outcome, "lost": list(result.lost)}
+    summary = folder.write(result.trajectory, times, ended)
+    return summary, {"folder": str(folder.path), **ended}, 0 if result.complete and summary.holds else 1
+
+
+def _fly_distributed(
+    mission: Mission, seed: int, deaths: Mapping[str, float], folder: RunFolder, console: Console
+) -> tuple[RunSummary, dict[str, Any], int]:
+    """Fly by the potential law, each agent by itself; returns as `_fly_centralised` does."""
+    import numpy as np  # noqa: PLC0415 - as above
+
+    from mpc_cover.service.run.progress import Progress  # noqa: PLC0415
+    from mpc_cover.service.run.swarm_simulate import fly_swarm  # noqa: PLC0415
+
+    with Progress(console) as progress:
+        flight = fly_swarm(mission, seed=seed, deaths=deaths, on_tick=progress.show)
+    console.print(flight.outcome, highlight=False, markup=False, soft_wrap=True)
+    every = np.array([taken for each in flight.decide_s.values() for taken in each])
+    extra: dict[str, Any] = {
+        "complete": flight.complete,
+        "outcome": flight.outcome,
+        "controller": "potential",
+        "lost": list(flight.lost),
+        "messages": flight.messages,
+        "bytes": flight.bytes,
+    }
+    if flight.estimate_errors:
+        extra["estimate_rms_errors"] = flight.estimate_errors
+    summary = folder.write(flight.trajectory, every, extra)
+    extra["folder"] = str(folder.path)
+    return summary, extra, 0 if flight.complete and summary.holds else 1

@@ -1,0 +1,60 @@
+"""What `mpc-cover retask` does: ask the controller of a mission to go on with another version of it."""
+
+from __future__ import annotations
+
+import uuid
+from threading import Event
+from typing import TYPE_CHECKING
+
+from mpc_cover.clock import MonotonicClock
+from mpc_cover.errors import UserError
+from mpc_cover.service.protocol.bus import NoAnswerError, RequestError
+from mpc_cover.service.protocol.decoding import MAX_PAYLOAD, RejectedError, decode_reply
+from mpc_cover.service.protocol.keys import Keys
+from mpc_cover.service.protocol.messages import CommandRequest, encode
+from mpc_cover.service.protocol.transport import open_transport
+
+if TYPE_CHECKING:
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.protocol.bus import Transport
+    from mpc_cover.service.protocol.messages import CommandReply
+    from mpc_cover.service.protocol.network import NetworkOptions
+
+SHORTEST_S = 1.0
+"""A controller has at least this long to be found, and to answer [s]."""
+
+
+def retask(mission: Mission, network: NetworkOptions) -> CommandReply:
+    """Return what the controller of a running mission says to going on with this version of it.
+
+    Raises
+    ------
+    RequestError
+        No controller of such a mission is there, or it says what is none of its replies.
+    UserError
+        The mission is too large to be sent, or the network cannot be used as asked.
+    """
+    name = mission.spec.name
+    payload = encode(CommandRequest(request=uuid.uuid4().hex, mission=mission.to_json()))
+    if len(payload) > MAX_PAYLOAD:
+        right = f"must be at most {MAX_PAYLOAD} to be sent: a coarser area.weights helps"
+        raise UserError(f"mission {name}: {len(payload)} bytes: {right}")
+    transport = open_transport(network, MonotonicClock(), Event())
+    try:
+        return decode_reply(_ask(transport, Keys(name), payload, max(network.connect_timeout_s, SHORTEST_S)))
+    except RejectedError as error:
+        raise RequestError(f"the controller of mission {name}: no reply of this version: {error}") from None
+    finally:
+        transport.close()
+
+
+def _ask(transport: Transport, keys: Keys, payload: bytes, timeout_s: float) -> bytes:
+    """Return the answer; as long as there is a controller, it may be busy planning, and is asked again."""
+    presence = transport.presence(keys.controller_alive)
+    while True:
+        try:
+            return transport.ask(keys.command("retask"), payload, timeout_s)
+        except NoAnswerError:
+            if not presence.alive():
+                text = f"no controller of mission {keys.mission} answers within {timeout_s:g} s"
+                raise NoAnswerError(f"{text}: is `mpc-cover serve` up, with a mission of this name?") from None

@@ -1,0 +1,58 @@
+"""`mpc-cover check` and `mpc-cover plot`: violations, and files that are no trajectory."""
+
+import json
+
+import numpy as np
+import pytest
+
+
+def test_check_says_what_holds(simulated, run):
+    for path in ("run", "run/trajectory.npz"):
+        status, out, err = run("check", path)
+        assert (status, err) == (0, "")
+        assert "separation" in out
+    status, out, err = run("check", "run", "--json")
+    assert status == 0
+    assert json.loads(out)["holds"]
+    assert "separation" in err
+
+
+def test_check_finds_a_violation(simulated, run, tmp_path):
+    damage(tmp_path / "run" / "trajectory.npz", input=lambda a: a * 1.5)
+    status, out, _ = run("check", "run", "--json")
+    assert status == 1
+    assert not json.loads(out)["holds"]
+
+
+def damage(file, **changes):
+    with np.load(file) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    for name, change in changes.items():
+        arrays[name] = change(arrays[name])
+    np.savez(file, **arrays)
+
+
+def nan(array):
+    array[1, 0, 0] = np.nan
+    return array
+
+
+@pytest.mark.parametrize("command", ["check", "plot"])
+def test_a_bad_trajectory(simulated, refused, tmp_path, command):
+    file = tmp_path / "run" / "trajectory.npz"
+    whole = file.read_bytes()
+    for length in (0, 10, len(whole) // 2, len(whole) - 1):
+        file.write_bytes(whole[:length])
+        assert "cannot be read" in refused(command, file)
+        assert "cannot be read" in refused(command, "run")
+    file.write_bytes(whole)
+    damage(file, position=nan)
+    assert "position[1, 0, 0]: nan: must be finite" in refused(command, file)
+    assert "cannot be read" in refused(command, "none.npz")
+    (tmp_path / "empty").mkdir()
+    assert "cannot be read" in refused(command, "empty")
+
+
+def test_bad_step_times(simulated, refused, tmp_path):
+    (tmp_path / "run" / "step_times.npz").write_bytes(b"junk")
+    assert "step times" in refused("plot", "run")
