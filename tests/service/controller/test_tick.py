@@ -169,6 +169,8 @@ def test_a_faulty_plan_never_gets_to_the_agents(fault, first):
     assert controller.phase is Phase.FAILED
     assert controller.heartbeat.text == "the safety filter refused 3 plans in a row"
     assert controller.exit_status == 1
+    assert len(law.at_rest) == (3 if first == 0 else 1 + 3)
+    assert len(law.in_flight) == (0 if first == 0 else 2 + 3)
     assert all(agent.at_rest for agent in fleet)
     assert not any(agent.rejected for agent in fleet)
     for index, name in enumerate(bench.mission.fleet.ids):

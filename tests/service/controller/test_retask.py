@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mission_kinds import KINDS, mission_with
-from service_fakes import SweepLaw, small_mission
+from service_fakes import small_mission
+from sweep_laws import StraightSweepLaw
 
 from mpc_cover.information.build import make_map
 from mpc_cover.mission.load import load_mission as load
@@ -114,7 +115,7 @@ def test_a_box_may_shrink_and_then_not_grow_again():
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"schema": 1}', "[" * 5000, '{"schema": 1, "name": 7}'])
 def test_what_is_no_mission_is_refused_in_words(text):
     mission = small_mission()
-    retask, decision = consider_retask(text, mission, SweepLaw(mission).coverage, 0.0, SweepLaw)
+    retask, decision = consider_retask(text, mission, make_map(mission), 0.0, StraightSweepLaw)
     assert retask is None
     assert not decision.accepted
     assert decision.problems or "holds no readable mission" in decision.text
@@ -127,13 +128,13 @@ def test_a_law_that_cannot_be_made_is_refused_in_words():
         raise MemoryError("too many cells")
 
     text = version(mission, area__cell_size_m=0.1).to_json()
-    retask, decision = consider_retask(text, mission, SweepLaw(mission).coverage, 0.0, fails)
+    retask, decision = consider_retask(text, mission, make_map(mission), 0.0, fails)
     assert (retask, decision.accepted, decision.text) == (None, False, "refused: MemoryError('too many cells')")
 
 
 def test_the_mission_that_is_flown_is_no_news():
     mission = small_mission()
-    retask, decision = consider_retask(mission.to_json(), mission, SweepLaw(mission).coverage, 0.0, SweepLaw)
+    retask, decision = consider_retask(mission.to_json(), mission, make_map(mission), 0.0, StraightSweepLaw)
     assert retask is None
     assert decision.accepted
 

@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from service_fakes import Bench, SharingBrain, SweepLaw, small_mission
+from service_fakes import Bench, small_mission
+from sweep_laws import SharingLaw, StraightSweepLaw
 
 from mpc_cover.mission.load import mission_from_json
 from mpc_cover.service.controller.checkpoint import FileCheckpoints
@@ -28,19 +29,16 @@ def mission():
 
 
 @pytest.fixture
-def fleet(bench):
-    return [bench.agent("a1"), bench.agent("a2")]
-
-
-@pytest.fixture
 def start(bench):
     """Return a function that starts a controller that can be retasked."""
-    return lambda law=None, **options: bench.controller(law or SweepLaw(bench.mission), law_for=climbing, **options)
+    return lambda law=None, **options: bench.controller(
+        law or StraightSweepLaw(bench.mission), law_for=climbing, **options
+    )
 
 
 def climbing(mission):
     """Return a law that sweeps up to the upper edge of a mission's area, and down again."""
-    return SweepLaw(mission, goal_y=float(mission.field.shape_max[1]) - 0.5)
+    return StraightSweepLaw(mission, goal_y=float(mission.field.shape_max[1]) - 0.5)
 
 
 def ask(bench, mission, request="r1"):
@@ -76,7 +74,7 @@ def test_in_flight_everyone_comes_to_rest_and_flies_on_for_the_new_area(bench, f
     assert known == before.settled[common].sum() > 0
     at_rest = []
     bench.run(controller, until=flying(controller), after=lambda _: at_rest.append(all(a.at_rest for a in fleet)))
-    assert controller.law.calls[0][0] == "prepare"
+    assert controller.law.states[0].settled
     assert any(at_rest)
     bench.run(controller, until=lambda: controller.done)
     assert controller.exit_status == 0
@@ -214,7 +212,7 @@ def test_a_repeated_request_gets_the_same_reply_and_is_obeyed_once(bench, fleet,
     bench.run(controller, until=flying(controller))
     first, second = ask(bench, other), ask(bench, other)
     bench.run(controller, until=flying(controller))
-    bench.run(controller, until=lambda: len(controller.law.calls) > 2)
+    bench.run(controller, until=lambda: len(controller.law.states) > 2)
     law, third = controller.law, ask(bench, other)
     bench.run(controller, until=lambda: third)
     assert reply(first).text == reply(second).text == reply(third).text
@@ -223,12 +221,12 @@ def test_a_repeated_request_gets_the_same_reply_and_is_obeyed_once(bench, fleet,
 
 
 def sharing(mission):
-    return SharingBrain(mission, goal_y=float(mission.field.shape_max[1]) - 0.5)
+    return SharingLaw(mission, goal_y=float(mission.field.shape_max[1]) - 0.5)
 
 
 def test_who_was_lost_is_known_to_the_new_law(bench, fleet):
     controller = bench.controller(sharing(bench.mission), law_for=sharing)
-    bench.run(controller, until=lambda: len(controller.law.calls) > 2)
+    bench.run(controller, until=lambda: len(controller.law.states) > 2)
     bench.kill(fleet[1])
     bench.run(controller, until=lambda: controller.supervisor.lost == ["a2"])
     answers = ask(bench, version(bench.mission, 0.0, 5.0))
@@ -244,15 +242,15 @@ def test_who_is_slow_is_known_to_the_new_law():
     for name in mission.fleet.ids:
         bench.agent(name)
     controller = bench.controller(first := sharing(mission), law_for=sharing)
-    bench.run(controller, until=lambda: first.parts)
+    bench.run(controller, until=lambda: first.slowed)
     answers = ask(bench, version(mission, 1.0, 9.0, time_limit_s=90.0))
-    bench.run(controller, until=lambda: answers and controller.law.parts)
-    assert controller.law.parts[0] == first.parts[-1]
+    bench.run(controller, until=lambda: answers and controller.law.slowed)
+    assert controller.law.slowed[0] == first.slowed[-1]
 
 
 @pytest.mark.parametrize("how", ["abort", "no law"])
 def test_one_that_cannot_go_on_refuses(bench, fleet, start, how):
-    controller = bench.controller(SweepLaw(bench.mission)) if how == "no law" else start()
+    controller = bench.controller(StraightSweepLaw(bench.mission)) if how == "no law" else start()
     bench.run(controller, until=flying(controller))
     if how == "abort":
         bench.bus.join().post(bench.keys.command("abort"), encode(CommandRequest(request="a")))
@@ -291,7 +289,7 @@ def test_a_successor_goes_on_with_the_new_version_and_the_agents_that_know_the_o
         )
         bench.run(successor, until=lambda: successor.done)
     assert successor.exit_status == 0
-    assert np.all(successor.law.coverage.first <= first)
+    assert np.all(successor.coverage.first <= first)
     with StateDirectory(tmp_path) as folder:  # it is over, but its agents are still those of old
         finished = FileCheckpoints(folder, other)
         assert finished.load()[0] is None
