@@ -4,8 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from service_fakes import straight_plan
+from service_fakes import Bench, small_mission, straight_plan
 
+from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.decoding import MAX_PAYLOAD, Reason
 from mpc_cover.service.protocol.messages import PlanRef, encode
 
@@ -115,3 +116,14 @@ def test_a_rejected_plan_does_not_raise_the_epoch(agent, send):
     send(straight_plan(agent, 100.5, epoch=98, **off(straight_plan(agent, 100.5), "input", 0, 9.0)))
     send(straight_plan(agent, 100.5, epoch=1))
     assert agent.schedule.queue[0].ref == PlanRef(1, 0)
+
+
+def test_a_plan_from_beyond_reach_is_ignored_by_a_disturbed_agent_too():
+    bench = Bench(small_mission(disturbance={"position_noise_m": 0.02, "wind_m_per_s2": [0.0, 0.05]}))
+    agent = bench.agent("a1")
+    far = straight_plan(agent, 100.5)
+    moved = [[x + 0.9, y] for x, y in far.position]
+    publisher = bench.bus.join().publisher(bench.keys.plan("a1"), bus.PLAN)
+    publisher.publish(encode(straight_plan(agent, 100.5, position=moved)))
+    bench.run(seconds=0.3)
+    assert agent.rejected == {Reason.START: 1}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from service_fakes import SharingBrain, small_mission
+from service_fakes import small_mission
+from sweep_laws import SharingLaw
 
 from mpc_cover.errors import InvalidInputError
 from mpc_cover.mission.load import build_mission, load_mission
@@ -59,7 +60,7 @@ def test_what_cannot_be_is_said(words, said):
 def test_a_simulation_in_which_nobody_is_left_is_refused():
     mission = small_mission()
     with pytest.raises(InvalidInputError, match="somebody must be left"):
-        simulate(mission, law=SharingBrain(mission), deaths={"a1": 1.0, "a2": 1.0})
+        simulate(mission, law=SharingLaw(mission), deaths={"a1": 1.0, "a2": 1.0})
 
 
 @pytest.fixture(scope="module")

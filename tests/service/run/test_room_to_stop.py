@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 from tiny_mission import TINY
 
+from mpc_cover.control.planning_constraints import PlanningConstraints
 from mpc_cover.control.receding_horizon import RecedingHorizon
+from mpc_cover.information.build import make_map
 from mpc_cover.mission.load import build_mission, load_mission
+from mpc_cover.model.fleet_constraints import FleetConstraints
+from mpc_cover.model.fleet_state import FleetState
+from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.planning.task import Task
@@ -53,15 +58,22 @@ def test_a_crowd_runs_into_nobody_who_dies(death_s):
 
 def test_plans_of_a_flight_leave_room_to_stop_and_those_without_do_not():
     mission = load_mission("heterogeneous")
-    law = RecedingHorizon(mission)
-    still = np.zeros_like(mission.fleet.start)
-    law.prepare(mission.fleet.start, still, 0.0, deadline=None)
-    plan, constraints = law._whole, law._constraints
-    assert plan is not None
-    assert constraints.braking_violation(plan) <= BRAKING_TOLERANCE
+    constraints, law, coverage = PlanningConstraints(mission), RecedingHorizon(mission), make_map(mission)
+    control, still = mission.spec.control, np.zeros_like(mission.fleet.start)
+    state = FleetState.nominal(mission.fleet.start, still, 0.0, settled=True)
+    for _ in range(25):
+        budget = control.planning_time_s if state.settled else control.deadline_fraction * control.period_s
+        plan = law.step(state, coverage, Budget.counted(budget)).trajectory
+        assert constraints.braking_violation(plan) <= BRAKING_TOLERANCE
+        law.published(plan)
+        time_s = state.time + control.period_s
+        state = FleetState.nominal(*plan.at(time_s), time_s)
+        coverage.observe(time_s, state.position)
+    assert coverage.covered_count > 0.5 * mission.field.size
     cells = np.ones((mission.fleet.radius.shape[1], mission.field.size))
-    task = Task(mission.fleet, mission.field.cell, cells, mission.fleet.start, still, 0.0, plan.period)
-    assert constraints.braking_violation(Planner("piqp").whole(task, None, 2.0).plan) > BRAKING_TOLERANCE
+    fleet = FleetConstraints.of(mission.fleet)
+    task = Task(fleet, mission.field.cell, cells, fleet.start, still, 0.0, control.period_s)
+    assert constraints.braking_violation(Planner("piqp").thorough(task, Budget.counted(0.5)).plan) > BRAKING_TOLERANCE
 
 
 @pytest.mark.parametrize("death_s", [1.5, 1.83])

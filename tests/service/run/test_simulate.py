@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from service_fakes import SweepLaw
+from sweep_laws import StraightSweepLaw
 
 from mpc_cover.service.run.simulate import simulate
 from mpc_cover.trajectory_file import load_trajectory, save_trajectory
@@ -11,7 +11,7 @@ from mpc_cover.verification.check import check_trajectory
 
 def test_it_flies_the_mission_and_what_it_flew_holds(mission):
     statuses = []
-    result = simulate(mission, law=SweepLaw(mission), on_tick=statuses.append)
+    result = simulate(mission, law=StraightSweepLaw(mission), on_tick=statuses.append)
     assert result.complete
     assert check_trajectory(result.trajectory).holds
     assert np.isfinite(result.trajectory.covered_at).all()
@@ -35,7 +35,7 @@ def test_the_real_thing_gives_the_same_bytes_twice(mission, tmp_path, backend):
 
 
 def test_a_mission_that_runs_out_of_time_is_not_complete(mission):
-    law = SweepLaw(mission, goal_y=1.5)
+    law = StraightSweepLaw(mission, goal_y=1.5)
     law.mission = mission
     control = mission.spec.control.model_copy(update={"time_limit_s": 3.0})
     short = type(mission)(mission.spec.model_copy(update={"control": control}), mission.field, mission.fleet)
