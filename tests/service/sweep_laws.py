@@ -230,6 +230,25 @@ class FaultyLaw(StraightSweepLaw):
         return replace(proposal, trajectory=self._fault(proposal.trajectory, state))
 
 
+class EveryFaultLaw(StraightSweepLaw):
+    """A sweep with each fault in turn: two good plans, then one after two faulty ones, at last nothing but collisions.
+
+    `told` hears of each good plan.
+    """
+
+    def __init__(self, mission, goal_y, told):
+        super().__init__(mission, goal_y)
+        self._faults, self._told = [fault for fault, _ in FAULTS.values()], told
+
+    def step(self, state, coverage, budget):
+        proposal, number = super().step(state, coverage, budget), len(self.states) - 3
+        if (number < 0 or number % 3 == 2) and self._faults:
+            self._told(proposal.trajectory)
+            return proposal
+        fault = self._faults.pop(0) if self._faults else collision
+        return replace(proposal, trajectory=fault(proposal.trajectory, state))
+
+
 class WatchedLaw:
     """A control law as it is; the map that it was handed last can be looked at."""
 
