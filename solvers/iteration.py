@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from solvers.backends.base import Backend
     from solvers.nlp import Convexifiable, ConvexModel
-    from solvers.qp import QPSolution
+    from solvers.solution import QPSolution
     from solvers.sqp_options import Options
 
 USABLE = frozenset({Status.SOLVED, Status.INACCURATE, Status.MAX_ITERATIONS})

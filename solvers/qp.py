@@ -9,7 +9,7 @@ case without cones, with W_k for P.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,10 +28,8 @@ from solvers.checks import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solvers.residuals import Residuals
-    from solvers.status import Status
 
-__all__ = ["INFINITE", "QP", "InvalidQPError", "QPSolution", "SecondOrderCones"]
+__all__ = ["INFINITE", "QP", "InvalidQPError", "SecondOrderCones"]
 
 
 @dataclass(frozen=True)
@@ -128,34 +126,3 @@ class QP:
         """Write into l and u what counts as infinite as infinite, so that all back-ends see the same."""
         self.l[self.l <= -INFINITE] = -np.inf
         self.u[self.u >= INFINITE] = np.inf
-
-
-@dataclass(frozen=True)
-class QPSolution:
-    """What a back-end hands back; `status` is judged by the residuals, not by the library's word.
-
-    Attributes
-    ----------
-    x: (n,), NaN where the library gave nothing.
-    y: (m,), multipliers of l <= A x <= u, positive at the upper bound (OSQP's convention):
-        P x + q + A'y - G'cone_dual = 0.
-    setup_time_s: set-ups charged to this solve [s]; 0 after mere updates.
-    solve_time_s: this solve alone [s].
-    cone_dual: (k,), multipliers of the cones, or None.
-    detail: the library's own word for the outcome, or the exception that it died of.
-    """
-
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    status: Status
-    residuals: Residuals
-    iterations: int
-    setup_time_s: float
-    solve_time_s: float
-    cone_dual: NDArray[np.float64] | None = None
-    detail: str = field(default="")
-
-    @property
-    def ok(self) -> bool:
-        """Whether the solution may be used without a second look."""
-        return self.status.ok

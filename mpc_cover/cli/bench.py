@@ -49,7 +49,7 @@ def planner(
     as_json: Json = False,
 ) -> None:
     """Solve a mission with our planner and with general-purpose solvers, each judged by the same verifier."""
-    from mpc_cover.control.control_law import require_double  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.control.factory import require_double  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.studies import benchmark  # noqa: PLC0415
     from mpc_cover.studies.race import Limit  # noqa: PLC0415
     from mpc_cover.studies.verdict import TOLERANCE  # noqa: PLC0415
@@ -86,7 +86,7 @@ def step(
     as_json: Json = False,
 ) -> None:
     """Fly a mission in closed loop and say where the milliseconds of a control step go."""
-    from mpc_cover.control.control_law import require_double  # noqa: PLC0415
+    from mpc_cover.control.factory import require_double  # noqa: PLC0415
     from mpc_cover.studies.step_profile import profile_steps  # noqa: PLC0415
     from mpc_cover.view.benchmark import print_steps  # noqa: PLC0415
 

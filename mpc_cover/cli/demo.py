@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.run.demo import DemoOptions
+    from mpc_cover.service.run.demo_options import DemoOptions
     from mpc_cover.service.run.run_folder import RunFolder
     from mpc_cover.verification.summary import RunSummary
 
@@ -43,7 +43,7 @@ def demo(
     as_json: Json = False,
 ) -> None:
     """Fly a mission with a controller and its agents as real processes over Zenoh on loopback."""
-    from mpc_cover.service.run.demo import DemoOptions  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.service.run.demo_options import DemoOptions  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.service.run.fault_injection import parse_kills  # noqa: PLC0415
     from mpc_cover.service.run.run_folder import RunFolder, default_folder  # noqa: PLC0415
 

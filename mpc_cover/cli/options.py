@@ -120,7 +120,7 @@ def is_distributed(controller: str, mission: Mission) -> bool:
 
         check_flyable(mission)
         return True
-    from mpc_cover.control.control_law import require_double  # noqa: PLC0415 - likewise
+    from mpc_cover.control.factory import require_double  # noqa: PLC0415 - likewise
 
     require_double(mission)
     return False

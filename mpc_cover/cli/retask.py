@@ -28,7 +28,7 @@ def retask(
     Without -e and --config it connects to tcp/127.0.0.1:7474, where `mpc-cover serve` listens. Exit status 1 when the
     controller refuses, or does not answer.
     """
-    from mpc_cover.control.control_law import require_double  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.control.factory import require_double  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.service.protocol.bus import RequestError, UnreachableError  # noqa: PLC0415
     from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT  # noqa: PLC0415
     from mpc_cover.service.run.retask import retask as run_retask  # noqa: PLC0415

@@ -35,7 +35,7 @@ def serve(
 
     Without -e, -l and --config it listens on tcp/127.0.0.1:7474, where `mpc-cover agent` looks for it.
     """
-    from mpc_cover.control.control_law import require_double  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.control.factory import require_double  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT  # noqa: PLC0415
     from mpc_cover.service.run.serve import ServeOptions  # noqa: PLC0415
     from mpc_cover.service.run.serve import serve as run_serve  # noqa: PLC0415

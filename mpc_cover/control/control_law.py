@@ -6,12 +6,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Protocol
 
-from mpc_cover.errors import UserError
-
 if TYPE_CHECKING:
     from mpc_cover.control.recovery import Mode
     from mpc_cover.information.demand import FlownMap
-    from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
@@ -65,30 +62,3 @@ class ControlLaw(Protocol):
     def published(self, trajectory: Trajectory) -> None:
         """Learn that a proposed trajectory was sent to the fleet. What this is not told of is not flown."""
         ...
-
-
-def require_double(mission: Mission) -> None:
-    """Refuse single integrators, for whom nobody plans.
-
-    Raises
-    ------
-    UserError
-        The mission's agents are single integrators.
-    """
-    if mission.spec.fleet.dynamics == "single":
-        right = "plans are for double integrators: fly it with --controller potential"
-        raise UserError(f"mission {mission.spec.name}: fleet.dynamics single: {right}")
-
-
-def make_control_law(mission: Mission, backend: str, seed: int) -> ControlLaw:
-    """Return the receding-horizon controller; importing it takes as long as its solvers take.
-
-    Raises
-    ------
-    UserError
-        The mission's agents are single integrators.
-    """
-    require_double(mission)
-    from mpc_cover.control.receding_horizon import RecedingHorizon  # noqa: PLC0415 - heavy, agents never need it
-
-    return RecedingHorizon(mission, backend=backend, seed=seed)

@@ -16,17 +16,15 @@ from mpc_cover.control.candidate_generation import CandidateGenerator
 from mpc_cover.control.control_law import PlanSource, Proposal
 from mpc_cover.control.demand_allocation import DemandAllocation
 from mpc_cover.control.fallback_policy import best_proposal, stop_proposal
-from mpc_cover.control.horizon import horizon_ocp, resolved_steps, spliced
+from mpc_cover.control.plan_improvement import PlanImprovement
 from mpc_cover.control.planning_constraints import PlanningConstraints
 from mpc_cover.control.recovery import Mode, ReplanHistory, Situation, next_mode, stays_at
 from mpc_cover.planning.initial_guess.rendezvous import Rendezvous, out_of_range
 from mpc_cover.planning.planner import Planner
-from mpc_cover.planning.scp import BRAKING_TOLERANCE
-from mpc_cover.planning.segment_refinement import resampled
 from mpc_cover.planning.task import Task
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
@@ -34,12 +32,6 @@ if TYPE_CHECKING:
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.candidate import Candidate
 
-_QPS = 2
-"""QPs a step at the most: the rest of the budget is for what goes wrong."""
-_SHARE = 0.3
-"""Part of the budget of a step that polishing may take: a plan that is good already needs no more."""
-_SHORTEST = 2
-"""So few samples there is nothing to gain in."""
 _LAST = 3
 """So few samples before its end a mission plan that leaves something owed gives way to the next."""
 
@@ -79,9 +71,10 @@ class RecedingHorizon:
         self._field, self._period = mission.field, mission.spec.control.period_s
         self._planning_s = mission.spec.control.planning_time_s
         self._constraints = PlanningConstraints(mission)
-        self._planner = Planner(backend)
+        planner = Planner(backend)
         self._allocation = DemandAllocation(mission.field)
-        self._candidates = CandidateGenerator(mission, self._constraints, self._allocation, self._planner)
+        self._candidates = CandidateGenerator(mission, self._constraints, self._allocation, planner)
+        self._improvement = PlanImprovement(mission, self._constraints, self._allocation, planner)
         self._incumbent: Trajectory | None = None
         self._flight = _Flight(None, None, Mode.NOMINAL, ReplanHistory(self._planning_s))
         self._proposed: tuple[Trajectory, _Flight] | None = None
@@ -153,7 +146,7 @@ class RecedingHorizon:
         """Improve the mission plan, or find another one; return what is found with it, and how, in words."""
         plan, meets = flight.plan, flight.mode is Mode.RENDEZVOUS
         if plan is not None and not meets and not self._runs_out(plan, state, coverage):
-            plan, reason = self._improved(plan, state, coverage, budget)
+            plan, reason = self._improvement.improved(plan, state, coverage, self._incumbent, budget)
             return replace(flight, plan=plan), situation, reason
         reason = "nothing better was found"
         if mode is Mode.NOMINAL:
@@ -200,9 +193,8 @@ class RecedingHorizon:
         """Return whether a plan leaves most of what is owed, so that longer planning is worth while."""
         if best.covers or coverage.endless:
             return False
-        owed, _ = self._left_by(state.position[None], state, coverage)
-        left, _ = self._left_by(best.plan.position, state, coverage)
-        return flight.history.is_poor(left, owed)
+        owed = self._left_by(state.position[None], state, coverage)
+        return flight.history.is_poor(self._left_by(best.plan.position, state, coverage), owed)
 
     def _is_stranded(self, flight: _Flight, state: FleetState, coverage: FlownMap, budget: Budget) -> bool:
         """Return whether a fleet at rest finds no way on in time, though something is owed."""
@@ -211,7 +203,7 @@ class RecedingHorizon:
         seen = plan.position if plan is not None and in_time else here[None]
         if state.velocity.any() or not stays_at(seen, here):
             return False
-        return bool((self._left_by(seen, state, coverage)[0] > 0.0).any())
+        return bool((self._left_by(seen, state, coverage) > 0.0).any())
 
     def _runs_out(self, plan: Trajectory, state: FleetState, coverage: FlownMap) -> bool:
         """Return whether a mission plan has done its part, or is about to end, while more is to be done."""
@@ -219,8 +211,9 @@ class RecedingHorizon:
             return not coverage.demand(state.time, state.position).gamma.any()
         if plan.steps > _LAST:
             return False
-        weight, looks = self._left_by(plan.position, state, coverage)
-        return self._allocation.more or (looks is not None and bool((weight > 0.0).any()))
+        _, looks = self._allocation.left(coverage, state, plan.position, self._constraints.planned.radius)
+        left = self._left_by(plan.position, state, coverage)
+        return self._allocation.more or (looks is not None and bool((left > 0.0).any()))
 
     def _rest_of(self, plan: Trajectory | None, state: FleetState) -> Trajectory | None:
         """Return what is left of the mission plan from this state on, or None when it is over or of no use."""
@@ -232,49 +225,10 @@ class RecedingHorizon:
         rest = state.trajectory(plan.velocity[done + 1 :], self._period)
         return rest if self._constraints.keeps(rest, state) else None
 
-    def _improved(
-        self, plan: Trajectory, state: FleetState, coverage: FlownMap, budget: Budget
-    ) -> tuple[Trajectory, str]:
-        """Re-solve the segment within the horizon, a sample shorter if all that was to be covered still is."""
-        fleet, cell = self._constraints.planned, self._field.cell
-        segment = resolved_steps(plan, fleet, self._constraints.horizon)
-        owed = self._left_by(plan.position[segment + 1 :], state, coverage)
-        ocp = horizon_ocp(plan, fleet, cell, owed, segment, segment)
-        x = ocp.decision(plan.position[0], plan.velocity[: segment + 1])
-        now = self._planner.evaluate(ocp, x)
-        sooner = now.cost == 0.0 and now.braking_violation <= BRAKING_TOLERANCE and segment > _SHORTEST
-        if sooner:
-            ocp = horizon_ocp(plan, fleet, cell, owed, segment, segment - 1)
-            x = ocp.decision(plan.position[0], resampled(plan.velocity[: segment + 1], segment - 1))
-        found = self._planner.polish(ocp, x, _QPS, budget.part(_SHARE))
-        better = found.complete if sooner else found.merit < now.merit
-        if found.feasible and better:
-            improved = spliced(plan, ocp.motion(found.x)[1], segment)
-            if self._is_safe(improved, plan, state):
-                return improved, "a sample sooner" if sooner else "more coverage"
-        return plan, "no sample sooner" if sooner else "no better"
-
-    def _is_safe(self, plan: Trajectory, known: Trajectory, state: FleetState) -> bool:
-        """Return whether a plan is as safe as the known one, whoever misses it, and whoever stops."""
-        constraints = self._constraints
-        return (
-            constraints.keeps(plan, state)
-            and constraints.keeps_if_missed(plan, known)
-            and constraints.leaves_room(plan, known, self._state_before(state))
-        )
-
-    def _state_before(self, state: FleetState) -> tuple[FloatArray, FloatArray] | None:
-        """Return the state (m, d) [m], [m/s] that the incumbent has a period earlier; None outside of it."""
-        incumbent = self._incumbent
-        if incumbent is None:
-            return None
-        sample = round((state.time - self._period - incumbent.start_time) / self._period)
-        return (incumbent.position[sample], incumbent.velocity[sample]) if 0 <= sample <= incumbent.steps else None
-
-    def _left_by(self, later: FloatArray, state: FleetState, coverage: FlownMap) -> tuple[FloatArray, IntArray | None]:
-        """Return weights and looks (J, K) of what is asked for and not brought by later positions of the plan."""
-        weight, looks = self._allocation.left(coverage, state, later, self._constraints.planned.radius)
-        return weight * self._constraints.reachable, looks
+    def _left_by(self, later: FloatArray, state: FleetState, coverage: FlownMap) -> FloatArray:
+        """Return the weights (J, K) of what is asked for and not brought by later positions of the plan."""
+        weight, _ = self._allocation.left(coverage, state, later, self._constraints.planned.radius)
+        return weight * self._constraints.reachable
 
 
 def _if_not_sent(flown: _Flight, found: _Flight) -> _Flight:

@@ -20,7 +20,7 @@ import numpy as np
 from mpc_cover.distributed.delayed_measurements import DelayedMeasurements
 from mpc_cover.distributed.failure_detector import NeighbourFailureDetector
 from mpc_cover.distributed.message_relay import MessageRelay
-from mpc_cover.distributed.neighbourhood import Neighbourhood
+from mpc_cover.distributed.neighbourhood import Neighbourhood, keep_links
 from mpc_cover.distributed.obstacle_detour import detour
 from mpc_cover.distributed.potential_law import Bounds, PotentialLaw, random_signal
 from mpc_cover.distributed.stall_escape import StallEscape
@@ -213,7 +213,7 @@ class AgentController(Generic[M]):
         position, velocity = np.array([each.position for each in states]), np.array([each.velocity for each in states])
         kept = np.zeros((len(rows), len(rows)), dtype=bool)
         kept[np.ix_(heard, heard)] = self._law_for(rows[heard]).kept_edges(position[heard], velocity[heard])
-        self._keep_links(kept, rows, heard)
+        keep_links(kept, rows, heard, self._fleet.links)
         me = int(np.flatnonzero(rows == self._index)[0])
         silent = [state for state, now in zip(states, heard, strict=True) if not now]
         wish = np.zeros_like(position)
@@ -222,13 +222,6 @@ class AgentController(Generic[M]):
         if not self._double:
             return np.asarray((law.step(position, wish, kept)[me] - own.position) / self._parameters.period_s)
         return np.asarray(law.force(position, velocity, wish, kept, doubt)[me])
-
-    def _keep_links(self, kept: BoolArray, rows: IntArray, heard: BoolArray) -> None:
-        """Keep the mission's links (4.19) between those heard, too."""
-        place = {int(agent): row for row, agent in enumerate(rows) if heard[row]}
-        for one, two in self._fleet.links:
-            if one in place and two in place:
-                kept[place[one], place[two]] = kept[place[two], place[one]] = True
 
     def _wish(self, own: Report, near: tuple[IntArray, FloatArray, BoolArray], silent: list[Report]) -> FloatArray:
         """Return the velocity (d,) [m/s] that the law asks for among those heard, around those who are silent.

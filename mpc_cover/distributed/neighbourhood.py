@@ -10,9 +10,9 @@ import numpy as np
 from mpc_cover.distributed.double_integrator_filter import StoppingBall, stopping_balls
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
-    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.distributed.state_report import Report
     from mpc_cover.mission.fleet import Fleet
 
@@ -84,3 +84,11 @@ class Neighbourhood:
     def _stopping(self, states: list[Report]) -> StoppingBall:
         position, velocity = np.array([each.position for each in states]), np.array([each.velocity for each in states])
         return stopping_balls(position, velocity, self.fleet.input_max[[each.agent for each in states]], self.period_s)
+
+
+def keep_links(kept: BoolArray, rows: IntArray, heard: BoolArray, links: Sequence[tuple[int, int]]) -> None:
+    """Add the mission's links (4.19) between those heard to the (n, n) edges kept of agents `rows` (n,), in place."""
+    place = {int(agent): row for row, agent in enumerate(rows) if heard[row]}
+    for one, two in links:
+        if one in place and two in place:
+            kept[place[one], place[two]] = kept[place[two], place[one]] = True

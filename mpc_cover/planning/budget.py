@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from solvers.backends.base import Backend
 
 
-FLIGHT_S = 8.0e-5
+FLIGHT_S = 1.5e-4
 """Seconds that flying a guess takes, a sample: waypoints tracked, its cost and bounds evaluated (box-3, one core)."""
 
 

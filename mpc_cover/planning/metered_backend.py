@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from solvers.backends.base import Backend
-    from solvers.qp import QPSolution
+    from solvers.solution import QPSolution
 
 _ASSEMBLY_S = 1.0e-6
 """Seconds that building a QP and judging its answer take, for each entry of its matrix.

@@ -61,11 +61,11 @@ def plan_free_horizon(
     """
     search = search or Search()
     found = _flights(task, search, budget)
-    work = _work(task, found)
+    work, least = _work(task, found), min(candidate.plan.steps for candidate in found)
     found.append(as_flown(task, rest_guess(task.position), task.least_steps))
     if work * task.fleet.size > _LARGE:
         return _plan_large(task, backend, sorted(found, key=partial(promise, repair=_REPAIR)), budget)
-    steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * work)
+    steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * least)
     shortest = 0
     for _ in range(attempts):
         if budget.exhausted:

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.planning.budget import Budget
-    from mpc_cover.planning.initial_guess.guess import Guess, InitialGuess
+    from mpc_cover.planning.initial_guess.guess import Guess
+    from mpc_cover.planning.initial_guess.interface import InitialGuess
     from mpc_cover.planning.scp import SCPResult
     from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend

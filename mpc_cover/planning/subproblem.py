@@ -24,6 +24,7 @@ from mpc_cover.constraints.pairs import all_pairs, pair_distances
 from mpc_cover.constraints.passive_safety import braking_encounters, passive_safety_rows, stop_instants
 from mpc_cover.constraints.rows import Layout, Rows, stack
 from mpc_cover.coverage.majoriser import build_majoriser
+from mpc_cover.planning.slacks import non_negative, number_slacks, slack_values, with_edge_slacks
 from solvers.nlp import ConvexModel
 from solvers.qp import QP, SecondOrderCones
 
@@ -179,67 +180,20 @@ def build_subproblem(ocp: OCP, settings: Settings, required: Requirements, x: Fl
     hard += bound_rows(layout, position, box, radius, ocp.ends, ocp.fleet.lost)
     elastic = pair_rows(ocp, settings, required, layout, (position, velocity), radius)
     elastic += stop_rows(ocp, settings, layout, (position, velocity), radius)
-    soft, slacks = _number_slacks([terms.rows, *elastic], layout.size)
+    soft, slacks = number_slacks([terms.rows, *elastic], layout.size)
     cones = motion_cones(ocp, settings, required, layout, (position, velocity), radius)
     edge_slack, slacks = layout.size + slacks, slacks + sum(int((block.slack >= 0).sum()) for block in cones)
-    matrix, lower, upper = stack([*hard, *soft, _non_negative(layout.size, slacks)], layout.size + slacks)
+    matrix, lower, upper = stack([*hard, *soft, non_negative(layout.size, slacks)], layout.size + slacks)
     slack_cost = np.concatenate([terms.slack_cost, np.full(slacks - terms.slack_cost.size, settings.penalty)])
     iterate = np.concatenate([position.ravel(), velocity.ravel()])
     quadratic, linear = _cost(layout, terms, iterate, slack_cost, settings.proximal)
-    start = np.concatenate([iterate, _slack_values(matrix, upper, iterate, slacks)])
+    start = np.concatenate([iterate, slack_values(matrix, upper, iterate, slacks)])
     exact = None
     if cones:
         exact = SecondOrderCones(*stack_cones(cones, layout.dimension, start.size, [edge_slack] * len(cones)))
-        start = _with_edge_slacks(start, exact, layout.dimension)
+        start = with_edge_slacks(start, exact, layout.dimension)
     qp = QP(quadratic, linear, matrix, lower, upper, exact)
     return _model(ocp, layout, qp, start, settings.penalty)
-
-
-def _with_edge_slacks(start: FloatArray, cones: SecondOrderCones, dimension: int) -> FloatArray:
-    """Return the start with the slacks that its too long edges need."""
-    value = (cones.h + cones.G @ start).reshape(-1, 1 + dimension)
-    over = np.maximum(np.linalg.norm(value[:, 1:], axis=1) - value[:, 0], 0.0)
-    top = (1 + dimension) * np.arange(over.size)
-    lifted = cones.G[top].tocoo()
-    start = start.copy()
-    start[lifted.col] += over[lifted.row]
-    return start
-
-
-def _number_slacks(blocks: list[Rows], first: int) -> tuple[list[Rows], int]:
-    """Give each elastic row an entry -1 in the column of its slack; return the rows and the number of slacks."""
-    numbered, used = [], 0
-    for block in blocks:
-        if block.elastic is None or block.count == 0:
-            continue
-        column = first + used + block.elastic
-        numbered.append(
-            Rows(
-                row=np.concatenate([block.row, np.arange(block.count)]),
-                column=np.concatenate([block.column, column]),
-                value=np.concatenate([block.value, np.full(block.count, -1.0)]),
-                lower=block.lower,
-                upper=block.upper,
-            )
-        )
-        used += block.slacks
-    return numbered, used
-
-
-def _non_negative(first: int, slacks: int) -> Rows:
-    each = np.arange(slacks)
-    return Rows(each, first + each, np.ones(slacks), np.zeros(slacks), np.full(slacks, np.inf))
-
-
-def _slack_values(matrix: sp.csc_array[np.float64], upper: FloatArray, iterate: FloatArray, slacks: int) -> FloatArray:
-    """Return the smallest slacks that the iterate itself needs."""
-    motion = np.concatenate([iterate, np.zeros(slacks)])
-    over = np.maximum(matrix @ motion - upper, 0.0)
-    column = matrix[:, iterate.size :].tocoo()
-    lifts = column.data < 0.0
-    values = np.zeros(slacks)
-    np.maximum.at(values, column.col[lifts], over[column.row[lifts]])
-    return values
 
 
 def _cost(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from mpc_cover.control.control_law import make_control_law, require_double
+from mpc_cover.control.factory import make_control_law, require_double
 from mpc_cover.distributed.setup import check_flyable
 from mpc_cover.errors import UserError
 from mpc_cover.studies.flight import fly_by_controller, fly_without_controller

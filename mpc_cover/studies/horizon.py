@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from mpc_cover.studies.grid import runs_of
 from mpc_cover.studies.measure import fly
 from mpc_cover.studies.progress import StudyProgress
-from mpc_cover.studies.report import print_groups, write_report
+from mpc_cover.studies.report import write_report
 from mpc_cover.studies.results import StudyFolder
+from mpc_cover.studies.study_table import print_groups
 from mpc_cover.studies.tally import group
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from mpc_cover.studies.record import versions
-from mpc_cover.studies.report import HEADERS, row_of, title_of
+from mpc_cover.studies.study_table import HEADERS, row_of, title_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

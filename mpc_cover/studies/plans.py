@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpc_cover.control.control_law import require_double
+from mpc_cover.control.factory import require_double
 from mpc_cover.errors import UnreadableFileError, UserError
 from mpc_cover.mission.load import load_mission
 from mpc_cover.planning.offline import PlanOptions, plan_mission

@@ -1,4 +1,4 @@
-"""What a study shows: a table for the terminal, figures, and one HTML file with all of it."""
+"""The report of a study: figures, and one HTML file with all of it."""
 
 from __future__ import annotations
 
@@ -7,36 +7,18 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
-from rich.text import Text
 
+from mpc_cover.studies.page import page
 from mpc_cover.studies.record import LEVELS
-from mpc_cover.studies.tally import median, worst
-from mpc_cover.verification.check import TOLERANCE
+from mpc_cover.studies.study_table import bound_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from rich.console import Console
-
     from mpc_cover.studies.results import StudyFolder
     from mpc_cover.studies.tally import Group
     from mpc_cover.view.study import Series
-
-HEADERS = (
-    "controller",
-    "runs",
-    "done\n[%]",
-    "99 % [s]\nmed / worst",
-    "over bound\nmed / worst",
-    "margin\n[m]",
-    "viol.\nin runs",
-    "step p99\n[ms]",
-)
-"""Of the table: runs that covered everything, time to 99 % of the cells, the same over the swath bound, smallest
-separation less rho_B, violations in how many runs, 99th percentile of all step times and how many are late."""
 
 
 def write_report(groups: Mapping[str, Sequence[Group]], folder: StudyFolder) -> list[Path]:
@@ -47,8 +29,7 @@ def write_report(groups: Mapping[str, Sequence[Group]], folder: StudyFolder) -> 
     UserError
         The folder cannot be written.
     """
-    from mpc_cover.studies.page import page  # noqa: PLC0415 - with the figures, a second of matplotlib
-    from mpc_cover.view.study import study_figures  # noqa: PLC0415 - likewise
+    from mpc_cover.view.study import study_figures  # noqa: PLC0415 - a second of matplotlib
 
     pictures = {}
     for name, figure in study_figures({mission: series_of(some) for mission, some in groups.items()}):
@@ -58,48 +39,6 @@ def write_report(groups: Mapping[str, Sequence[Group]], folder: StudyFolder) -> 
     text = page(groups, pictures, folder.commands)
     report = folder.write(folder.path / "report.html", text.encode())
     return [report, *(folder.write(folder.path / f"{name}.png", png) for name, png in pictures.items())]
-
-
-def print_groups(groups: Mapping[str, Sequence[Group]], console: Console) -> None:
-    """Print a table a mission."""
-    for mission, some in groups.items():
-        table = Table(
-            title=title_of(mission, some), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False
-        )
-        for index, header in enumerate(HEADERS):
-            table.add_column(Text(header), justify="right" if index else "left", no_wrap=index > 0)
-        for group in some:
-            table.add_row(*(Text(text, style="bold red" if bad else "") for text, bad in row_of(group)))
-        console.print(table)
-
-
-def title_of(mission: str, groups: Sequence[Group]) -> str:
-    """Return a mission's name with its swath bound, if it has one."""
-    bound = bound_of(groups[0])
-    return mission if bound is None else f"{mission}: swath bound {bound:.1f} s"
-
-
-def bound_of(group: Group) -> float | None:
-    """Return T_b [s], or None where it is not defined."""
-    return next((record.swath_bound_s for record in group.records if record.swath_bound_s is not None), None)
-
-
-def row_of(group: Group) -> list[tuple[str, bool]]:
-    """Return a group's row of the table: for each of `HEADERS` a text, and whether it tells of what should not be."""
-    runs, margin, late = len(group.records), group.margin_m, group.misses
-    time = median(group.time_99_s), worst(group.time_99_s)
-    ratio = median(group.ratio_99), worst(group.ratio_99)
-    never = math.isinf(time[1])
-    return [
-        (group.label, False),
-        (f"{runs}, {group.errors} broke off" if group.errors else f"{runs}", group.errors > 0),
-        (f"{group.complete_percent:g}", not all(record.complete for record in group.records)),
-        (" / ".join(_or_never(value, "{:.1f}") for value in time), never),
-        (" / ".join(_or_never(value, "{:.2f}") for value in ratio) if group.ratio_99.size else "-", never),
-        ("-" if math.isinf(margin) else f"{math.floor(1e3 * margin + 1e-3) / 1e3:+.3f}", margin < -TOLERANCE),
-        (f"{group.violations} in {group.violators}" if group.violations else "0", group.violations > 0),
-        (_or_never(group.step_p99_ms, "{:.1f}") + (f", {late} late" if late else ""), late > 0),
-    ]
 
 
 def series_of(groups: Sequence[Group]) -> list[Series]:
@@ -125,9 +64,3 @@ def _curve(curve: Sequence[float | None]) -> list[float]:
     """Return a run's curve with inf for never; a run that broke off covered nothing."""
     known = [math.inf if time is None else time for time in curve]
     return known or [0.0] + [math.inf] * (len(LEVELS) - 1)
-
-
-def _or_never(value: float, form: str) -> str:
-    if math.isnan(value):
-        return "-"
-    return form.format(value) if math.isfinite(value) else "never"

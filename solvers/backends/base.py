@@ -23,8 +23,8 @@ from solvers.checks import (
     check_finite,
     column_of_each_entry,
 )
-from solvers.qp import QP, QPSolution
 from solvers.residuals import kkt_residuals
+from solvers.solution import QPSolution
 from solvers.status import Status
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solvers.backends.capabilities import Capabilities
+    from solvers.qp import QP
 
 T = TypeVar("T")
 

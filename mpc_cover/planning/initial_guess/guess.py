@@ -1,17 +1,14 @@
-"""Initial guesses: where a search starts from, and what they have in common."""
+"""A guess: where a search starts from."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from mpc_cover.arrays import FloatArray
     from mpc_cover.model.trajectory import Trajectory
-    from mpc_cover.planning.task import Task
 
 
 class GuessKind(Enum):
@@ -50,17 +47,6 @@ class Guess:
     origin: Origin
     paths: list[FloatArray] = field(default_factory=list)
     motion: Trajectory | None = None
-
-
-class InitialGuess(Protocol):
-    """A way to make guesses."""
-
-    def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:
-        """Yield guesses for a task, the most promising first; `incumbent` is the plan that there is, if any.
-
-        Nothing is promised about them: they are flown within the limits, refined and judged by whoever asks.
-        """
-        ...
 
 
 def rest_guess(position: FloatArray) -> Guess:

@@ -10,10 +10,8 @@ then. Missed ticks are skipped; the agents fly on along their plans, which end a
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
-from mpc_cover.control.recovery import Mode
 from mpc_cover.information.build import make_map
 from mpc_cover.planning.budget import Budget
 from mpc_cover.service.controller.commands import CommandDesk, Decision
@@ -22,7 +20,8 @@ from mpc_cover.service.controller.fleet_supervisor import FleetSupervisor
 from mpc_cover.service.controller.heartbeat import Heartbeat
 from mpc_cover.service.controller.measurement_update import MeasurementUpdate
 from mpc_cover.service.controller.mission_clock import MissionClock
-from mpc_cover.service.controller.plan_publisher import PlanPublisher, UnknownPlanError
+from mpc_cover.service.controller.phases import MissionPhases
+from mpc_cover.service.controller.plan_publisher import PlanPublisher
 from mpc_cover.service.controller.retask import consider_retask
 from mpc_cover.service.controller.snapshot import NoCheckpoints
 from mpc_cover.service.controller.step_log import StepLog
@@ -84,11 +83,9 @@ class Controller:
         say: Callable[[str], None] | None = None,
     ) -> None:
         self.mission, self.law = mission, law
-        self.phase = Phase.WAITING
-        self.done = False
         self.steps = steps or StepLog()
         self.heartbeat = Heartbeat(mission, transport, clock, identity, epoch=epoch, period_s=0.5 * speed, say=say)
-        self._clock, self._transport, self._epoch, self._stay = clock, transport, epoch, stay
+        self._clock, self._transport, self._epoch = clock, transport, epoch
         self._control = mission.spec.control
         self._checkpoints: CheckpointStore = checkpoints or NoCheckpoints()
         self._desk = CommandDesk(mission, transport)
@@ -116,9 +113,28 @@ class Controller:
             budget_of=budget_of,
             tell=tell,
         )
-        self._patience = max(PATIENCE_S * speed, 3.0 * self._control.state_period_s)
-        self._flown = self._asleep = False
-        self._complete_s = math.inf
+        self._phases = MissionPhases(
+            self.supervisor,
+            self._control_step,
+            self.heartbeat,
+            self._mission_clock,
+            clock,
+            stay=stay,
+            patience_s=max(PATIENCE_S * speed, 3.0 * self._control.state_period_s),
+            listen=self._listen,
+            paused=lambda: self._desk.paused,
+        )
+        self._phases.take_up(mission, law, self.coverage)
+
+    @property
+    def phase(self) -> Phase:
+        """What it is doing."""
+        return self._phases.phase
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to do."""
+        return self._phases.done
 
     @property
     def next_time(self) -> float:
@@ -142,18 +158,10 @@ class Controller:
 
     def tick(self) -> None:
         """Listen, act according to the phase, and give the heartbeat of a finished tick."""
-        self._asleep = self._clock.now() - self._mission_clock.due_s >= ASLEEP * self._control.period_s
+        asleep = self._clock.now() - self._mission_clock.due_s >= ASLEEP * self._control.period_s
         self._listen()
         self._obey()
-        match self.phase:
-            case Phase.WAITING:
-                self._wait()
-            case Phase.PLANNING:
-                self._plan()
-            case Phase.FLYING:
-                self._fly()
-            case _:
-                self._land()
+        self._phases.act(asleep=asleep)
         self._beat()
         self._save()
         self._schedule()
@@ -162,7 +170,7 @@ class Controller:
         """Say that it ends, and keep what was covered; agents finish their plans by themselves."""
         self._listen()
         if self.phase not in (Phase.COMPLETE, Phase.FAILED):
-            self._enter(Phase.STOPPED, "stopped: everyone finishes its plan")
+            self._phases.enter(Phase.STOPPED, "stopped: everyone finishes its plan")
         self._beat()
         self._save(now=True)
         self._checkpoints.close()
@@ -174,14 +182,14 @@ class Controller:
         self._measurements.listen()
         if (newest := self.fleet.newest_epoch()) > self._epoch and self.phase is not Phase.FAILED:
             own = f"this one, of epoch {self._epoch}"
-            self._enter(Phase.FAILED, f"a controller of epoch {newest} has taken over from {own}")
+            self._phases.enter(Phase.FAILED, f"a controller of epoch {newest} has taken over from {own}")
 
     def _obey(self) -> None:
         for command in self._desk.take():
             if command.name == "abort":
-                self._enter(Phase.FAILED, "aborted: everyone finishes its plan")
+                self._phases.enter(Phase.FAILED, "aborted: everyone finishes its plan")
             elif command.name == "pause" and self.phase is Phase.FLYING:
-                self._regroup("paused")
+                self._phases.regroup("paused")
             elif command.name == "retask":
                 self._desk.decide(command, self._retask(command.mission))
 
@@ -199,117 +207,11 @@ class Controller:
             self._publisher.take_up(self.mission)
             self._control_step.take_up(self.law, self._control)
             self._checkpoints.take_up(self.mission)
-            self._complete_s, self.done = math.inf, False
+            self._phases.take_up(self.mission, self.law, self.coverage)
             self._listen()  # what was heard while the law was made
-            self._regroup("retasked")
+            self._phases.regroup("retasked")
             self._save(now=True)
         return decision
-
-    # the phases
-
-    def _enter(self, phase: Phase, text: str) -> None:
-        self.phase = phase
-        self.heartbeat.text = text
-        self.heartbeat.events.tell(f"phase-{phase}", text)
-
-    def _regroup(self, why: str) -> None:
-        self._enter(Phase.WAITING, f"{why}: everyone finishes its plan and waits")
-
-    def _wait(self) -> None:
-        if self._flown:
-            self.supervisor.assess(self._clock.now(), self._patience)
-        missing = self._missing()
-        if missing or self._desk.paused:
-            self.heartbeat.text = missing or "paused"
-            return
-        self._mission_clock.pause()
-        if self._nothing_left:
-            self._complete()
-        else:
-            self._enter(Phase.PLANNING, "plans thoroughly while everyone is at rest")
-
-    def _plan(self) -> None:
-        """Plan thoroughly while everyone is at rest, and take off if all still are."""
-        state = self.supervisor.at_rest(self._mission_clock.now())
-        try:
-            proposal, took_s = self._control_step.prepare(state, self.coverage)
-        except Exception as error:  # noqa: BLE001 - a bug must not end the daemon without a word
-            self._enter(Phase.FAILED, f"planning failed: {error!r}")
-            return
-        self._listen()
-        missing = self._missing()
-        if missing or self.supervisor.moved_from(state):
-            self._regroup(missing or "someone moved")
-            return
-        self.supervisor.tell_versions()
-        if not self._control_step.take_off(proposal, state, self.supervisor, took_s):
-            if self._control_step.failures >= MAX_FAILURES:
-                self._enter(Phase.FAILED, f"the safety filter refused {MAX_FAILURES} plans in a row")
-            return
-        self._flown = True
-        self._enter(Phase.FLYING, "flying")
-
-    def _missing(self) -> str:
-        return "; ".join(self.supervisor.missing(self._clock.now(), self._patience))
-
-    def _fly(self) -> None:
-        if not self._asleep and (why := self.supervisor.assess(self._clock.now(), self._patience)):
-            self._regroup(why)
-            return
-        if self._over():
-            return
-        try:
-            self._control_step.step(self.supervisor, self.coverage)
-        except UnknownPlanError as error:
-            self._regroup(f"someone flies an unknown plan ({error})")
-            return
-        if self._control_step.failures >= MAX_FAILURES:
-            self._regroup(f"{self._control_step.failures} steps failed")
-        elif self.law.mode is Mode.REPLAN_AT_REST and self._control_step.sent:
-            self._regroup("a step is too short to plan anew")
-
-    @property
-    def _nothing_left(self) -> bool:
-        """Whether all that can be measured has been: everything, unless only the lost could have measured the rest."""
-        return self.coverage.complete or not (self.coverage.owed & self.supervisor.reachable).any()
-
-    def _over(self) -> bool:
-        """Return whether there is nothing to send: all covered and at rest, or out of time."""
-        now, limit = self._clock.now(), self._control.time_limit_s
-        horizon = self._control.horizon_steps * self._control.period_s
-        if not self._nothing_left:
-            if self._mission_clock.now() <= limit:
-                return False
-            if self.coverage.endless:
-                self._enter(Phase.COMPLETE, f"the patrol ends after control.time_limit_s {limit:g} s")
-                return True
-            owed = self.mission.field.size - self.coverage.covered_count
-            self._enter(Phase.FAILED, f"{owed} cells are not covered after control.time_limit_s {limit:g} s")
-            return True
-        self._complete_s = min(self._complete_s, now)
-        if self.supervisor.settled(now):
-            self._mission_clock.pause()
-            self._complete()
-            return True
-        return now > self._complete_s + horizon  # whoever still hovers finishes its plan now
-
-    def _complete(self) -> None:
-        lost = ", ".join(self.supervisor.lost)
-        if not self.coverage.complete:
-            owed = self.mission.field.size - self.coverage.covered_count
-            text = f"{owed} cells are not covered, and cannot be without {lost}: all else is, and everyone is at rest"
-            self._enter(Phase.FAILED, text)
-            return
-        rest = f", and everyone but {lost}" if lost else " and everyone"
-        self._enter(Phase.COMPLETE, f"everything is covered{rest} is at rest")
-        self.done = not self._stay
-
-    def _land(self) -> None:
-        """Nothing new is sent; wait until everyone that is heard has finished its plan."""
-        staying, moving = self._stay and self.phase is Phase.COMPLETE, self.fleet.moving(self._clock.now())
-        self.done = not staying and not moving
-        if staying and not moving:
-            self._mission_clock.pause()
 
     # what a tick leaves behind
 

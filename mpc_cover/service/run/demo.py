@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from mpc_cover import __version__
@@ -13,6 +12,7 @@ from mpc_cover.service.controller.step_log import read_steps
 from mpc_cover.service.protocol.network import NetworkOptions
 from mpc_cover.service.protocol.transport import open_transport
 from mpc_cover.service.run.daemon import INTERRUPTED, Signals
+from mpc_cover.service.run.demo_options import DemoOptions, DemoResult
 from mpc_cover.service.run.demo_processes import Processes
 from mpc_cover.service.run.demo_watch import Watch, ended_well
 from mpc_cover.service.run.observer import Observer
@@ -22,8 +22,6 @@ from mpc_cover.service.run.recording import merge
 from mpc_cover.service.run.run_folder import step_times_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from rich.console import Console
 
     from mpc_cover.arrays import FloatArray
@@ -33,27 +31,6 @@ if TYPE_CHECKING:
     from mpc_cover.verification.summary import RunSummary
 
 PORT_ATTEMPTS = 5
-
-
-@dataclass(frozen=True)
-class DemoOptions:
-    """How to fly: see `mpc-cover demo --help`; `deaths` is at which mission time [s] agents are killed, by id."""
-
-    backend: str = "piqp"
-    seed: int = 0
-    speed: float = 1.0
-    deaths: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class DemoResult:
-    """How a demo ended: the exit status, in words, the summary unless nothing was flown, and who died."""
-
-    exit_status: int
-    outcome: str
-    summary: RunSummary | None
-    controller_restarts: int
-    lost: tuple[str, ...] = ()
 
 
 def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console: Console) -> DemoResult:

@@ -8,7 +8,7 @@ from mpc_cover.service.run.processes import Child, end_all, free_port
 
 if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.run.demo import DemoOptions
+    from mpc_cover.service.run.demo_options import DemoOptions
     from mpc_cover.service.run.run_folder import RunFolder
 
 CONNECT_TIMEOUT_S = 30.0

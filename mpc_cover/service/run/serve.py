@@ -163,7 +163,7 @@ def say(text: str) -> None:
 def _controller(
     mission: Mission, options: ServeOptions, folder: StateDirectory, transport: Transport, clock: Clock
 ) -> Controller:
-    from mpc_cover.control.control_law import make_control_law  # noqa: PLC0415 - heavy
+    from mpc_cover.control.factory import make_control_law  # noqa: PLC0415 - heavy
     from mpc_cover.service.controller.checkpoint import FileCheckpoints  # noqa: PLC0415 - only here
     from mpc_cover.service.controller.step_log import StepLog  # noqa: PLC0415 - likewise
     from mpc_cover.service.controller.tick import Controller  # noqa: PLC0415 - agents need none

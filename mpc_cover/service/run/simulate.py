@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from mpc_cover import __version__
 from mpc_cover.clock import VirtualClock
-from mpc_cover.control.control_law import make_control_law
+from mpc_cover.control.factory import make_control_law
 from mpc_cover.planning.budget import Budget
 from mpc_cover.service.agent.agent import Agent
 from mpc_cover.service.controller.tick import Controller

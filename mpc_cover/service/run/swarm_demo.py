@@ -11,7 +11,8 @@ from mpc_cover import __version__
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.distributed.setup import check_flyable
 from mpc_cover.service.run.daemon import INTERRUPTED, Signals
-from mpc_cover.service.run.demo import DemoOptions, DemoResult, open_observer, write_records
+from mpc_cover.service.run.demo import open_observer, write_records
+from mpc_cover.service.run.demo_options import DemoOptions, DemoResult
 from mpc_cover.service.run.demo_processes import CONNECT_TIMEOUT_S
 from mpc_cover.service.run.demo_watch import COMPLETE, LOOK_S, MOURNING_S, kill_due
 from mpc_cover.service.run.processes import Child, end_all, free_port

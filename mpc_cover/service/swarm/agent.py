@@ -25,6 +25,7 @@ from mpc_cover.service.protocol.keys import Keys
 from mpc_cover.service.swarm.radio import FARTHEST_AHEAD
 from mpc_cover.service.swarm.radio_link import RadioLink
 from mpc_cover.service.swarm.start_agreement import StartAgreement
+from mpc_cover.service.swarm.termination import Termination, TerminationDetector
 from mpc_cover.service.swarm.vehicle import CommandedVehicle, make_commanded_vehicle
 
 if TYPE_CHECKING:
@@ -38,9 +39,6 @@ if TYPE_CHECKING:
     from mpc_cover.service.agent.recorder import Recorder
     from mpc_cover.service.protocol.bus import Transport
     from mpc_cover.service.protocol.decoding import Reason
-
-_GONE_AFTER = 6
-"""Samples beyond the way of a word and the silence of the lost after which someone is done without."""
 
 
 class SwarmAgent:
@@ -102,7 +100,7 @@ class SwarmAgent:
         self._tick = -2  # of half periods: sample k at 2 k, its decision at 2 k + 1
         self._own: Report | None = None
         self._command: FloatArray | None = None
-        self._lingers: int | None = None
+        self._termination = TerminationDetector(self._fleet.size, self._law.lost_after)
 
     def startup(self) -> None:
         """Show presence."""
@@ -228,23 +226,17 @@ class SwarmAgent:
         """End when everyone knows that nothing is owed, a little later; or when time is up."""
         own = self._own
         assert own is not None
-        at_rest = float(np.linalg.norm(own.velocity)) <= STANDSTILL
         if sample * self._period >= self._limit_s:
             self._give_up("time", f"gives up after {self._limit_s:g} s: {self._left()} cells are owed by its own map")
-        elif own.complete and at_rest and self._lingers is None and all(map(self._knows, range(self._fleet.size))):
-            self._lingers = sample + self._fleet.size + 2
-            self.events.tell("complete", f"everything is covered, and everyone knows{self._how_well()}")
-        elif self._lingers is not None and sample >= self._lingers:
-            self.done, self.exit_status = True, 0
-        if own.complete and self._lingers is None:
-            self.events.tell("covered", "knows that everything is covered")
-
-    def _knows(self, agent: int) -> bool:
-        """Return whether an agent knows that everything is covered, or has been silent for so long that it is gone."""
-        assert self._own is not None
-        last = self._law.newest[agent]
-        patience = self._fleet.size + self._law.lost_after + _GONE_AFTER
-        return last.complete or self._own.sample - last.sample > patience
+            return
+        at_rest = float(np.linalg.norm(own.velocity)) <= STANDSTILL
+        match self._termination.update(own, self._law.newest, sample, at_rest=at_rest):
+            case Termination.KNOWN:
+                self.events.tell("covered", "knows that everything is covered")
+            case Termination.KNOWN_BY_ALL:
+                self.events.tell("complete", f"everything is covered, and everyone knows{self._how_well()}")
+            case Termination.OVER:
+                self.done, self.exit_status = True, 0
 
     @property
     def estimate_error(self) -> float | None:

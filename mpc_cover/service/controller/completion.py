@@ -1,0 +1,62 @@
+"""Whether a mission is over: everything is covered that can be, or time is up; and what is said of it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from mpc_cover.service.protocol.messages import Phase
+
+if TYPE_CHECKING:
+    from mpc_cover.information.demand import FlownMap
+    from mpc_cover.mission.load import Mission
+    from mpc_cover.service.controller.fleet_supervisor import FleetSupervisor
+    from mpc_cover.service.controller.mission_clock import MissionClock
+
+
+class Completion:
+    """One version of a mission's.
+
+    Parameters
+    ----------
+    mission, coverage : what is to be covered, and what was.
+    supervisor, mission_clock : who is left to cover it, and since when it is flown.
+    """
+
+    def __init__(
+        self, mission: Mission, coverage: FlownMap, supervisor: FleetSupervisor, mission_clock: MissionClock
+    ) -> None:
+        self._cells, self._limit_s = mission.field.size, mission.spec.control.time_limit_s
+        self._coverage, self._supervisor, self._mission_clock = coverage, supervisor, mission_clock
+        self._nothing_left_s = math.inf
+
+    @property
+    def nothing_left(self) -> bool:
+        """Whether all that can be measured has been: everything, unless only the lost could have measured the rest."""
+        return self._coverage.complete or not (self._coverage.owed & self._supervisor.reachable).any()
+
+    def since_s(self, now_s: float) -> float:
+        """Return for how long nothing was left when last asked, by the controller's clock [s]."""
+        self._nothing_left_s = min(self._nothing_left_s, now_s)
+        return now_s - self._nothing_left_s
+
+    def out_of_time(self) -> tuple[Phase, str] | None:
+        """Return how it ends because time is up, or None while there is time or nothing is left."""
+        if self.nothing_left or self._mission_clock.now() <= self._limit_s:
+            return None
+        if self._coverage.endless:
+            return Phase.COMPLETE, f"the patrol ends after control.time_limit_s {self._limit_s:g} s"
+        return Phase.FAILED, f"{self._owed} cells are not covered after control.time_limit_s {self._limit_s:g} s"
+
+    def ending(self) -> tuple[Phase, str]:
+        """Return how it ends when nothing is left and everyone is at rest."""
+        lost = ", ".join(self._supervisor.lost)
+        if not self._coverage.complete:
+            without = f"{self._owed} cells are not covered, and cannot be without {lost}"
+            return Phase.FAILED, f"{without}: all else is, and everyone is at rest"
+        rest = f", and everyone but {lost}" if lost else " and everyone"
+        return Phase.COMPLETE, f"everything is covered{rest} is at rest"
+
+    @property
+    def _owed(self) -> int:
+        return self._cells - self._coverage.covered_count
