@@ -8,7 +8,6 @@ from flights import fleet_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mpc_cover.constraints.box_overshoot import box_overshoot, box_overshoot_rows
 from mpc_cover.constraints.passive_safety import (
     braking_encounters,
     braking_violations,
@@ -16,7 +15,6 @@ from mpc_cover.constraints.passive_safety import (
     stop_instants,
 )
 from mpc_cover.constraints.rows import Layout
-from mpc_cover.model.braking import braked, braking_slope
 from mpc_cover.model.motion import roll_out
 
 PERIOD = 0.5
@@ -32,7 +30,7 @@ def motion_of(rng, agents, steps, *, size=4.0):
     return position, velocity, start
 
 
-def formation_flight(gap, speed=1.0, steps=12):
+def one_behind_the_other(gap, speed=1.0, steps=12):
     """Return two agents one behind the other, as fast."""
     velocity = np.zeros((steps + 1, 2, 2))
     velocity[1:-1, :, 0] = speed
@@ -43,7 +41,7 @@ def formation_flight(gap, speed=1.0, steps=12):
 
 @pytest.mark.parametrize("gap", [1.2, 1.7, 2.5])
 def test_a_follower_comes_as_much_nearer_as_it_flies_before_it_knows(gap):
-    position, velocity, start = formation_flight(gap)
+    position, velocity, start = one_behind_the_other(gap)
     fleet = fleet_of(start, separation_min=0.5, reaction=2.0)
     (moment,) = stop_instants(fleet.reaction)
     found = braking_encounters(position, velocity, PERIOD, fleet, moment, EVERYTHING)
@@ -55,12 +53,12 @@ def test_a_follower_comes_as_much_nearer_as_it_flies_before_it_knows(gap):
 
 
 def test_nobody_who_stops_is_expected_without_a_reaction_time():
-    position, velocity, start = formation_flight(0.6)
+    position, velocity, start = one_behind_the_other(0.6)
     assert braking_violations(position, velocity, PERIOD, fleet_of(start, separation_min=0.5)).size == 0
 
 
 def test_the_lost_and_lone_agents_need_no_room():
-    position, velocity, start = formation_flight(0.6)
+    position, velocity, start = one_behind_the_other(0.6)
     position[:, 1], velocity[:, 1] = position[0, 1] + 5.0, 0.0
     fleet = fleet_of(start, separation_min=0.5, reaction=2.0, lost=(1,))
     assert braking_encounters(position, velocity, PERIOD, fleet, stop_instants(2.0)[0], EVERYTHING).sample.size == 0
@@ -138,53 +136,3 @@ def test_rows_are_the_gradient_of_the_distance(seed, reaction):
         iterate = np.concatenate([position.ravel(), velocity.ravel()])
         reached = np.bincount(rows.row, rows.value * iterate[rows.column], found.sample.size)
         assert rows.upper - reached == pytest.approx(found.distance - found.required)
-
-
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_whoever_brakes_stays_in_the_box_where_no_overrun_is_seen(seed):
-    rng = np.random.default_rng(seed)
-    position, velocity, start = motion_of(rng, 2, 6)
-    fleet = fleet_of(start, motion_min=np.zeros(2), motion_max=np.full(2, 4.0), reaction=2.0)
-    inside = ((position > 0.02) & (position < 3.98)).all(axis=2)
-    for sample, agent in zip(*np.nonzero(inside), strict=True):
-        stop = braked(position[sample], velocity[sample], np.array([1e3]), fleet.input_max)[0, agent]
-        out = np.maximum(0.01 - stop, 0.0), np.maximum(stop - 3.99, 0.0)
-        assert box_overshoot(position, velocity, fleet)[:, sample, agent] == pytest.approx(np.array(out))
-
-
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_overrun_rows_are_its_gradient(seed):
-    rng = np.random.default_rng(seed)
-    position, velocity, start = motion_of(rng, 2, 6)
-    fleet = fleet_of(start, motion_min=np.zeros(2), motion_max=np.full(2, 4.0), reaction=2.0)
-    layout, first = Layout(6, 2, 2), 1
-    rows = box_overshoot_rows(layout, position, velocity, fleet, EVERYTHING, first)
-    change = 1e-6 * rng.normal(size=(2, *position.shape))
-
-    def stop(q, v):
-        return q + np.linalg.norm(v, axis=2, keepdims=True) / (2.0 * fleet.input_max[:, None]) * v
-
-    gone = (stop(position + change[0], velocity + change[1]) - stop(position, velocity))[first:]
-    expected = np.concatenate([-gone.ravel(), gone.ravel()])
-    along = np.bincount(rows.row, rows.value * change.ravel()[rows.column], rows.count)
-    assert along == pytest.approx(expected, abs=1e-9)
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_the_way_that_braking_takes_has_this_slope(seed):
-    rng = np.random.default_rng(seed)
-    velocity, normal = rng.normal(size=(2, 5, 2))
-    later, input_max = rng.uniform(0.1, 2.0, 5), rng.uniform(0.5, 2.0, 5)
-    change = 1e-6 * rng.normal(size=(5, 2))
-
-    def way(v):
-        zero = np.zeros((1, 2))
-        each = [braked(zero, v[i : i + 1], later[i : i + 1], input_max[i : i + 1])[0, 0] for i in range(5)]
-        return np.einsum("cd,cd->c", normal, np.array(each))
-
-    slope = braking_slope(normal, velocity, later, input_max)
-    gained = np.einsum("cd,cd->c", slope, change)
-    assert way(velocity + change) - way(velocity) == pytest.approx(gained, abs=1e-10)

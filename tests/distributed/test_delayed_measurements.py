@@ -11,7 +11,6 @@ from mission_kinds import KINDS, mission_with
 from mpc_cover.distributed.delayed_measurements import DelayedMeasurements
 from mpc_cover.distributed.setup import make_agent
 from mpc_cover.distributed.state_report import Report
-from mpc_cover.errors import UserError
 from mpc_cover.information.build import sensor_of, settling_map
 from mpc_cover.information.visibility import Visibility
 
@@ -76,13 +75,3 @@ def test_readings_that_come_twice_count_once():
     np.testing.assert_array_equal(one.known.information, before)
     assert said.readings is not None
     assert said.readings.size > 0
-
-
-def test_a_patrol_is_refused_in_words():
-    with pytest.raises(UserError, match=r"information.kind ageing: .*\(--controller mpc\)"):
-        make_agent(mission_with(KINDS["ageing"]), 0, seed=0)
-
-
-def test_more_readings_than_words_can_carry_are_refused_in_words():
-    with pytest.raises(UserError, match=r"information.kind kalman: .* at most \d+: make area.cell_size_m \(now 0.02\)"):
-        make_agent(mission_with(KINDS["kalman"], cell_size=0.02), 0, seed=0)

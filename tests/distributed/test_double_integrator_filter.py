@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from mpc_cover.distributed.double_integrator_filter import stopping_balls
 from mpc_cover.distributed.potential_functions import Coordination
 from mpc_cover.distributed.potential_law import Bounds, LawParameters, PotentialLaw
-from mpc_cover.distributed.safe_sets import enclosing_diameters
 from mpc_cover.information.delay import adjacency
 from mpc_cover.verification.motion import verify_motion
 
@@ -122,16 +121,6 @@ def test_an_agent_needs_those_only_that_it_hears(seed):
         kept = part.kept_edges(position[near], velocity[near])
         alone = part.force(position[near], velocity[near], wish[near], kept)
         np.testing.assert_allclose(alone[me], force[agent], atol=1e-12)
-
-
-def test_the_smallest_ball_around_two():
-    centre = np.array([[0.0, 0.0], [2.0, 0.0], [0.1, 0.0]])
-    diameter = enclosing_diameters(centre, np.array([0.5, 0.25, 3.0]))
-    assert diameter[0, 1] == pytest.approx(2.75)
-    assert diameter[0, 2] == pytest.approx(6.0), "one lies in the other"
-    assert (diameter == diameter.T).all()
-    still = enclosing_diameters(centre, np.zeros(3))
-    assert still[0, 1] == 2.0
 
 
 def test_a_range_too_short_for_the_braking_distance_is_refused():

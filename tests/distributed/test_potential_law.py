@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 
 from mpc_cover.distributed.potential_functions import Coordination, CoverageShape
 from mpc_cover.distributed.potential_law import Bounds, LawParameters, PotentialLaw, random_signal
-from mpc_cover.distributed.stall_escape import StallEscape
-from mpc_cover.distributed.velocity_tracking import limited, track
 
 CELL = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]])
 NOBODY = np.zeros((2, 2), dtype=bool)
@@ -62,40 +60,6 @@ def test_the_random_signal_fills_the_unit_ball(dimension):
     assert length.max() <= 1.0
     np.testing.assert_allclose(signal.mean(axis=0), 0.0, atol=0.05)
     assert (length < 0.5).mean() == pytest.approx(0.5**dimension, abs=0.03)
-
-
-@given(seed=st.integers(0, 10**6))
-def test_tracking_stays_within_the_limits_and_arrives(seed):
-    rng = np.random.default_rng(seed)
-    most, fastest, period = np.array([1.5, 0.7]), np.array([1.0, 2.0]), 0.5
-    velocity = limited(rng.normal(size=(2, 2)) * 3.0, fastest)
-    wish = rng.normal(size=(2, 2)) * 3.0
-    for _ in range(20):
-        force = track(velocity, wish, most, fastest, period)
-        assert (np.linalg.norm(force, axis=1) <= most * (1.0 + 1e-12)).all()
-        velocity = velocity + period * force
-        assert (np.linalg.norm(velocity, axis=1) <= fastest * (1.0 + 1e-12)).all()
-    np.testing.assert_allclose(velocity, limited(wish, fastest), atol=1e-9)
-
-
-def test_a_stalled_agent_attends_to_the_first_cell_owed_in_the_common_order():
-    order = np.array([2, 0, 1])
-    escape = StallEscape(order, 3)
-    weight = np.array([1.0, 1.0, 0.0])
-    for _ in range(3):
-        assert (escape.attend(weight) == weight).all()
-        assert not escape.stalled
-    assert escape.attend(weight).tolist() == [1.0, 0.0, 0.0]
-    assert escape.stalled
-    better = np.array([1.0, 0.5, 0.0])
-    assert (escape.attend(better) == better).all()
-    assert not escape.stalled
-
-
-def test_a_stalled_agent_with_nothing_owed_stays_put():
-    escape = StallEscape(np.arange(2), 1)
-    escape.attend(np.zeros(2))
-    assert (escape.attend(np.zeros(2)) == 0.0).all()
 
 
 def test_edges_of_one_choice_are_both_eithers_or_ones_own():

@@ -1,16 +1,15 @@
-"""The lower rungs of the ladder: shifted plans and brakes are themselves plans that verify."""
+"""Braking: within the limits, straight on, to rest."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from flights import fleet_of
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from motions import PERIOD
 
-from mpc_cover.model.braking import braking_trajectory, braking_velocities
-from mpc_cover.model.trajectory import Trajectory
+from mpc_cover.model.braking import braked, braking_slope, braking_trajectory, braking_velocities
 from mpc_cover.verification.motion import verify_motion
 
 
@@ -37,25 +36,19 @@ def test_braking_goes_straight_on():
     assert plan.position[-1, 0] == pytest.approx([0.75, 0.0])
 
 
-@given(seed=st.integers(0, 10**6), done=st.integers(0, 6))
-def test_a_shifted_plan_is_the_rest_of_the_old_one_and_then_rest(seed, done):
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_way_that_braking_takes_has_this_slope(seed):
     rng = np.random.default_rng(seed)
-    fleet = fleet_of(rng.uniform(0, 9, (2, 2)))
-    plan = braking_trajectory(fleet.start, rng.uniform(-1, 1, (2, 2)), fleet, 3.0, PERIOD, 4)
-    time = 3.0 + done * PERIOD
-    position, velocity = plan.at(time)
-    shifted = plan.remainder(time, position, velocity)
-    assert verified(shifted, fleet, (position, velocity)).holds
-    assert shifted.steps == plan.steps
-    for later in (0.0, 0.3, 0.9, 5.0):
-        assert shifted.at(time + later)[0] == pytest.approx(plan.at(time + later)[0], abs=1e-9)
+    velocity, normal = rng.normal(size=(2, 5, 2))
+    later, input_max = rng.uniform(0.1, 2.0, 5), rng.uniform(0.5, 2.0, 5)
+    change = 1e-6 * rng.normal(size=(5, 2))
 
+    def way(v):
+        zero = np.zeros((1, 2))
+        each = [braked(zero, v[i : i + 1], later[i : i + 1], input_max[i : i + 1])[0, 0] for i in range(5)]
+        return np.einsum("cd,cd->c", normal, np.array(each))
 
-def test_a_plan_knows_its_state_between_samples_and_after_its_end():
-    fleet = fleet_of(np.zeros((1, 2)))
-    plan = braking_trajectory(np.zeros((1, 2)), np.array([[1.0, 0.0]]), fleet, 0.0, 1.0, 2)
-    position, velocity = plan.at(0.5)
-    assert position[0, 0] == pytest.approx(0.5 + 0.5 * plan.input[0, 0, 0] * 0.25)
-    assert velocity[0, 0] == pytest.approx(1.0 + 0.5 * plan.input[0, 0, 0])
-    assert plan.at(99.0)[1].tolist() == [[0.0, 0.0]]
-    assert Trajectory.at_rest(np.ones((1, 2)), 2.0, 0.5, 3).end_time == pytest.approx(3.5)
+    slope = braking_slope(normal, velocity, later, input_max)
+    gained = np.einsum("cd,cd->c", slope, change)
+    assert way(velocity + change) - way(velocity) == pytest.approx(gained, abs=1e-10)

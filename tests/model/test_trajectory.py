@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from flights import fleet_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motions import PERIOD
 
+from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.motion import roll_out
 from mpc_cover.model.trajectory import Trajectory
+from mpc_cover.verification.motion import verify_motion
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -78,3 +82,31 @@ def test_at_rest_and_of_no_duration():
     assert instant.steps == 0
     assert instant.at(99.0)[0].tolist() == [[1.0, 1.0]]
     assert not instant.input_at(2.5).any()
+
+
+def verified(plan, fleet, start):
+    return verify_motion(fleet, plan.time, plan.position, plan.velocity, plan.input, at_rest=True, start=start)
+
+
+@given(seed=st.integers(0, 10**6), done=st.integers(0, 6))
+def test_a_shifted_plan_is_the_rest_of_the_old_one_and_then_rest(seed, done):
+    rng = np.random.default_rng(seed)
+    fleet = fleet_of(rng.uniform(0, 9, (2, 2)))
+    plan = braking_trajectory(fleet.start, rng.uniform(-1, 1, (2, 2)), fleet, 3.0, PERIOD, 4)
+    time = 3.0 + done * PERIOD
+    position, velocity = plan.at(time)
+    shifted = plan.remainder(time, position, velocity)
+    assert verified(shifted, fleet, (position, velocity)).holds
+    assert shifted.steps == plan.steps
+    for later in (0.0, 0.3, 0.9, 5.0):
+        assert shifted.at(time + later)[0] == pytest.approx(plan.at(time + later)[0], abs=1e-9)
+
+
+def test_a_plan_knows_its_state_between_samples_and_after_its_end():
+    fleet = fleet_of(np.zeros((1, 2)))
+    plan = braking_trajectory(np.zeros((1, 2)), np.array([[1.0, 0.0]]), fleet, 0.0, 1.0, 2)
+    position, velocity = plan.at(0.5)
+    assert position[0, 0] == pytest.approx(0.5 + 0.5 * plan.input[0, 0, 0] * 0.25)
+    assert velocity[0, 0] == pytest.approx(1.0 + 0.5 * plan.input[0, 0, 0])
+    assert plan.at(99.0)[1].tolist() == [[0.0, 0.0]]
+    assert Trajectory.at_rest(np.ones((1, 2)), 2.0, 0.5, 3).end_time == pytest.approx(3.5)

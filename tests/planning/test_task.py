@@ -7,7 +7,7 @@ from mission_kinds import mission_with
 
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.model.trajectory import Trajectory
-from mpc_cover.planning.task import Task
+from mpc_cover.planning.task import Task, needs_laps
 
 
 def test_a_cell_is_left_over_until_all_its_looks_are_taken():
@@ -23,3 +23,9 @@ def test_a_cell_is_left_over_until_all_its_looks_are_taken():
     np.testing.assert_array_equal(left, np.where(3 * near >= looks, 0.0, 2.0))
     assert (left[near > 0] > 0.0).any()
     assert (left == 0.0).any()
+
+
+def test_few_looks_take_no_laps():
+    assert not needs_laps(None)
+    assert not needs_laps(np.array([[3, 0, 1]]))
+    assert needs_laps(np.array([[0, 4]]))
