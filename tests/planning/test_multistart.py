@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flights import fleet_of
-from motions import PERIOD, grid
+from motions import PERIOD, UNLIMITED, grid
 
 from mpc_cover.planning.multistart import Search, initial_guesses, multistart
 from mpc_cover.planning.task import Task
@@ -40,7 +40,7 @@ def holds(task, plan):
 
 def test_what_is_too_short_for_everything_is_still_feasible_and_best_effort():
     task = small_task()
-    found = multistart(task, make_backend("piqp"), 4)[0]
+    found = multistart(task, make_backend("piqp"), 4, Search(), UNLIMITED)[0]
     assert found.feasible
     assert not found.complete
     assert found.plan.steps == 4
@@ -50,8 +50,8 @@ def test_what_is_too_short_for_everything_is_still_feasible_and_best_effort():
 def test_a_start_that_is_given_takes_the_way_of_a_guess():
     task, backend, alone = small_task(), make_backend("piqp"), Search(starts=1, finalists=1, rounds=2)
     guess = next(initial_guesses(task, alone))
-    x = task.ocp(12).exact_ends(task.flown(guess, 12).decision)
-    own, given = (multistart(task, backend, 12, alone, given=start) for start in (None, {"mine": x}))
+    x = task.ocp(12).decision_of(task.flown(guess, 12))
+    own, given = (multistart(task, backend, 12, alone, UNLIMITED, given=start) for start in (None, {"mine": x}))
     assert [one.plan.velocity.tobytes() for one in own] == [one.plan.velocity.tobytes() for one in given]
     assert {one.kind for one in given} == {"mine", "rest"}
 
@@ -59,8 +59,8 @@ def test_a_start_that_is_given_takes_the_way_of_a_guess():
 def test_whoever_looks_on_sees_all_iterates_and_changes_nothing():
     seen = []
     task, search = small_task(), Search(starts=2, finalists=1, rounds=1)
-    plain = multistart(task, make_backend("piqp"), 9, search)
-    looked_at = multistart(replace(task, on_iterate=seen.append), make_backend("piqp"), 9, search)
+    plain = multistart(task, make_backend("piqp"), 9, search, UNLIMITED)
+    looked_at = multistart(replace(task, on_iterate=seen.append), make_backend("piqp"), 9, search, UNLIMITED)
     assert [one.plan.velocity.tobytes() for one in plain] == [one.plan.velocity.tobytes() for one in looked_at]
     taken = [step for one in plain if one.refined for stage in one.refined.stages for step in stage.history]
     assert len(seen) >= sum(step.accepted for step in taken) > 0
@@ -70,7 +70,7 @@ def test_whoever_looks_on_sees_all_iterates_and_changes_nothing():
 
 def test_whoever_looks_on_may_end_the_search():
     with pytest.raises(ZeroDivisionError):
-        multistart(replace(small_task(), on_iterate=lambda _: 1 / 0), make_backend("piqp"), 9)
+        multistart(replace(small_task(), on_iterate=lambda _: 1 / 0), make_backend("piqp"), 9, Search(), UNLIMITED)
 
 
 def test_more_starts_are_random_relatives_and_the_same_for_a_seed():

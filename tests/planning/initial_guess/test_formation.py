@@ -8,7 +8,7 @@ import numpy as np
 from flights import fleet_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motions import PERIOD, grid
+from motions import EXHAUSTED, PERIOD, UNLIMITED, grid
 
 from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
 from mpc_cover.planning.initial_guess.formation import formation_flight
@@ -53,7 +53,7 @@ def crowds(draw):
 @settings(max_examples=60, deadline=None)
 @given(crowds())
 def test_it_keeps_distances_limits_and_the_box_and_measures_what_it_can(task):
-    motion = formation_flight(task)
+    motion = formation_flight(task, UNLIMITED)
     if motion is None:
         return
     moved = motion.position - motion.position[0]
@@ -77,14 +77,14 @@ def test_it_keeps_distances_limits_and_the_box_and_measures_what_it_can(task):
 
 def test_the_dead_stay_and_the_moving_do_not_form_one():
     task = crowd(np.array([[1.0, 1.0], [1.6, 1.0], [3.0, 3.0]]), [1.0] * 3, [1.0] * 3, [[0.8]] * 3, lost=(2,))
-    motion = formation_flight(task)
+    motion = formation_flight(task, UNLIMITED)
     assert np.abs(motion.position[:, 2] - [3.0, 3.0]).max() == 0.0
     assert np.abs(motion.position[:, 0] - [1.0, 1.0]).max() > 1.0
-    assert formation_flight(replace(task, velocity=np.full_like(task.velocity, 0.1))) is None
+    assert formation_flight(replace(task, velocity=np.full_like(task.velocity, 0.1)), UNLIMITED) is None
     assert (
-        formation_flight(replace(task, velocity=np.full_like(task.velocity, 1e-16))) is not None
+        formation_flight(replace(task, velocity=np.full_like(task.velocity, 1e-16)), UNLIMITED) is not None
     )  # what rounding leaves
-    assert formation_flight(replace(task, weight=0.0 * task.weight)) is None
+    assert formation_flight(replace(task, weight=0.0 * task.weight), UNLIMITED) is None
 
 
 @settings(max_examples=40, deadline=None)
@@ -97,7 +97,8 @@ def test_it_flies_around_the_dead(task, place):
         start, separation_min=0.4, motion_min=np.zeros(2), motion_max=np.full(2, SIDE), lost=(len(start) - 1,)
     )
     motion = formation_flight(
-        replace(task, fleet=fleet, position=start, velocity=np.zeros_like(start), weight=task.weight[:1])
+        replace(task, fleet=fleet, position=start, velocity=np.zeros_like(start), weight=task.weight[:1]),
+        UNLIMITED,
     )
     if motion is None:
         return
@@ -119,8 +120,8 @@ def test_a_crowd_that_no_qp_sorts_out_moves_all_the_same(monkeypatch):
         return [as_flown(task, still, task.flown(still, steps))]
 
     monkeypatch.setattr("mpc_cover.planning.min_time.multistart", in_vain)
-    found = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1))
+    found = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1), budget=UNLIMITED)
     assert found.complete
     assert found.kind == "rest, then convoy"
-    late = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1), deadline=0.0)
+    late = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1), budget=EXHAUSTED)
     assert late.kind == "rest"
