@@ -1,6 +1,8 @@
-"""The lost are obstacles where they are, not only where they will rest; and what they leave unmeasured is known."""
+"""The lost are obstacles where they are, not only where they will rest."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from flights import fleet_of
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 
 from mpc_cover.control.constraint_relaxation import strict_bounds
 from mpc_cover.control.obstacle_trajectories import path_among
+from mpc_cover.model.fleet_state import FleetState
 from mpc_cover.model.trajectory import Trajectory
 
 
@@ -20,6 +23,14 @@ def braking(position, velocity, begin, force=1.5):
     end = position + 0.5 * duration * velocity
     pieces = [[position, end], [velocity, 0.0 * velocity], [push]]
     return Trajectory(np.array([begin, begin + duration]), *(np.array(piece) for piece in pieces))
+
+
+def among(plan, index, course, *, moving=True):
+    """Return the state at a plan's start in which one agent is lost, and comes to rest at the end of its course."""
+    position, velocity = plan.position[0].copy(), plan.velocity[0].copy()
+    position[index], velocity[index] = course.position[-1], 0.0
+    state = FleetState.nominal(position, velocity, plan.start_time)
+    return replace(state, lost=np.arange(len(position)) == index, obstacles={index: course} if moving else {})
 
 
 def random_plan(rng, agents=3, steps=5):
@@ -35,7 +46,7 @@ def test_the_path_is_the_plan_for_all_but_the_lost_and_the_course_for_these(seed
     plan = random_plan(rng)
     angle = rng.uniform(0.0, 2.0 * np.pi)
     course = braking(rng.normal(size=2), speed * np.array([np.cos(angle), np.sin(angle)]), 2.0 - over * speed / 1.5)
-    path = path_among(plan, {1: course})
+    path = path_among(plan, among(plan, 1, course))
     assert set(np.round(plan.time, 9)) <= set(np.round(path.time, 9))
     for time, position, velocity in zip(path.time, path.position, path.velocity, strict=True):
         there, fast = plan.at(time)
@@ -58,13 +69,30 @@ def test_a_plan_that_passes_where_the_lost_still_is_does_not_hold():
     up = np.array([[0.0, 0.25], [0.0, 0.0]])
     for velocity, holds in ((up, True), (2.8 * up, False)):
         plan = Trajectory.from_velocities(start, still, np.stack([velocity, np.zeros((2, 2))], axis=1), 0.0, 0.5)
-        assert strict_bounds(fleet).keeps(path_among(plan, {}), (start, still))
-        state = (np.array([[0.0, 0.0], [-1.0, 0.55]]), np.array([[0.0, 0.0], [3.0, 0.0]]))
-        assert strict_bounds(fleet).keeps(path_among(plan, {1: course}), state) == holds
+        at_rest, moving = among(plan, 1, course, moving=False), among(plan, 1, course)
+        assert strict_bounds(fleet).keeps(path_among(plan, at_rest), at_rest.actual)
+        np.testing.assert_array_equal(moving.actual, [[[0.0, 0.0], [-1.0, 0.55]], [[0.0, 0.0], [3.0, 0.0]]])
+        assert strict_bounds(fleet).keeps(path_among(plan, moving), moving.actual) == holds
 
 
-def test_once_at_rest_the_lost_change_nothing():
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_what_a_plan_says_of_the_lost_does_not_matter(seed, moving):
+    rng = np.random.default_rng(seed)
+    plan, course = random_plan(rng), braking(rng.normal(size=2), rng.normal(size=2), 1.9)
+    state, elsewhere = among(plan, 1, course, moving=moving), plan.position.copy()
+    elsewhere[:, 1] += rng.normal(size=(plan.steps + 1, 2))
+    one, two = path_among(plan, state), path_among(replace(plan, position=elsewhere), state)
+    for name in ("time", "position", "velocity", "force"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+
+
+def test_once_at_rest_the_lost_stay():
     plan = random_plan(np.random.default_rng(0))
-    path = path_among(plan, {1: braking(np.zeros(2), np.array([1.0, 0.0]), 0.0)})
+    course = braking(np.zeros(2), np.array([1.0, 0.0]), 0.0)
+    path = path_among(plan, among(plan, 1, course))
     assert path.time.size == plan.steps + 1
-    np.testing.assert_array_equal(path.position, plan.position)
+    np.testing.assert_array_equal(path.position[:, [0, 2]], plan.position[:, [0, 2]])
+    np.testing.assert_array_equal(path.position[:, 1], np.tile(course.position[-1], (plan.steps + 1, 1)))
+    assert not path.velocity[:, 1].any()
+    assert not path.force[:, 1].any()

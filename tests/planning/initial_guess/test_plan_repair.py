@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
-from test_receding_horizon import PERIOD, holds, small_mission
+from closed_loop import PERIOD, small_mission
+from motions import UNLIMITED
 
-from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.model.constraint_tightening import slowed, without_lost
 from mpc_cover.planning.initial_guess.plan_repair import repaired_plan
@@ -21,7 +20,7 @@ def planned(mission):
     fleet = mission.fleet
     weight = np.ones((1, mission.field.size))
     task = Task(fleet, mission.field.cell, weight, fleet.start, np.zeros_like(fleet.start), 0.0, PERIOD)
-    candidate = Planner("piqp").quick(task, None)
+    candidate = Planner("piqp").quick(task, UNLIMITED)
     assert candidate.complete
     return task, candidate.plan
 
@@ -53,20 +52,3 @@ def test_what_the_lost_leave_over_is_flown_to_in_the_end():
     assert (begun.owed_after(found.plan) > 0.0).sum() < 0.1 * without_tour.sum()
     assert not found.plan.velocity[:, 0].any()
     np.testing.assert_array_equal(found.plan.position[:, 0], np.tile(plan.position[4, 0], (found.plan.steps + 1, 1)))
-
-
-def test_a_step_without_time_goes_on_or_asks_for_time_to_think():
-    """Whatever comes of it holds; if nobody goes on, then because it is to be thought about, and only that long."""
-    mission = small_mission()
-    law = RecedingHorizon(mission)
-    start = mission.fleet.start, np.zeros((2, 2))
-    plan = law.prepare(*start, 0.0, deadline=None).plan
-    law.limit_speed(1, 0.5)
-    state = plan.position[2], plan.velocity[2] * [[1.0], [0.5]]
-    result = law.step(*state, 2 * PERIOD, deadline=time.perf_counter() - 1.0)
-    assert holds(mission, result.plan, state)
-    assert result.reason == "the ways as before" or law.wants_replan_at_rest
-    stopped = result.plan.position[-1], np.zeros((2, 2))
-    after = law.prepare(*stopped, 9.0, deadline=None)
-    assert not law.wants_replan_at_rest
-    assert np.abs(after.plan.velocity).max() > 0.5
