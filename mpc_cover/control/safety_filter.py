@@ -73,6 +73,8 @@ class SafetyFilter:
         grid = state.time + period * np.arange(steps + 1)
         if not (np.abs(trajectory.time - grid) <= SNAP_S * (1.0 + np.abs(grid))).all():
             return f"samples must lie every {period:g} s from {state.time:g} s on"
+        if not abs(trajectory.period - period) <= SNAP_S:  # agents are sent the period, not the times
+            return f"period is {trajectory.period:g} s, must be {period:g} s"
         for name in expected:
             if not np.isfinite(getattr(trajectory, name)).all():
                 return f"{name} must be finite"
