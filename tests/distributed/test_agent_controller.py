@@ -163,7 +163,8 @@ def test_one_that_comes_back_is_no_longer_lost():
     space.dead.clear()
     for _ in range(3):
         space.step()
-    assert not any(agent.lost[0] for agent in space.agents[1:] if adjacency(space.states[-1][0], 4.0)[agent._index, 0])
+    hears = adjacency(space.states[-1][0], 4.0)[1:, 0]
+    assert not any(agent.lost[0] for agent, near in zip(space.agents[1:], hears, strict=True) if near)
     assert space.report().holds
 
 
