@@ -9,7 +9,7 @@ braking at once, attains (`constraint_relaxation`): never more.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -64,7 +64,9 @@ class SafetyFilter:
 
     def _malformed(self, trajectory: Trajectory, state: FleetState) -> str | None:
         """Return why a trajectory is none of this fleet from this state on, or None."""
-        arrays = {name: getattr(trajectory, name, None) for name in ("time", "position", "velocity", "input")}
+        arrays: dict[str, Any] = {
+            name: getattr(trajectory, name, None) for name in ("time", "position", "velocity", "input")
+        }
         for name, array in arrays.items():
             if not isinstance(array, np.ndarray) or not np.issubdtype(array.dtype, np.floating):
                 return f"{name} must be an array of floating-point numbers"

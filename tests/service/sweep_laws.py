@@ -180,6 +180,7 @@ FAULTS = {
     "a velocity that is no number": (lambda plan, _: _with(plan, "velocity", np.nan), "velocity must be finite"),
     "a position that is no number": (lambda plan, _: _with(plan, "position", np.nan), "position must be finite"),
     "an input without bound": (lambda plan, _: _with(plan, "input", np.inf), "input must be finite"),
+    "an input beyond measure": (lambda plan, _: _with(plan, "input", 1e300), "numbers"),
     "a time that is no number": (lambda plan, _: plan.shift(np.nan), "samples must lie every 0.5 s"),
     "no rest at its end": (never_at_rest, "rest at the end"),
     "one agent too few": (lambda plan, _: _cut(plan, 1), "position has shape"),
