@@ -38,9 +38,9 @@ PLACES = {
         "control.constraint_relaxation:MotionBounds.keeps_mixed",
     ),
     "splicing": (
-        "control.receding_horizon:spliced",
+        "control.plan_improvement:spliced",
         "control.receding_horizon:best_proposal",
-        "control.receding_horizon:RecedingHorizon._left_by",
+        "control.demand_allocation:DemandAllocation.left",
     ),
 }
 """What is timed under which name: "module:attribute", modules within mpc_cover unless they are the solvers'."""
