@@ -109,7 +109,7 @@ def plan(
     UserError
         An option that is none, a mission that nobody can plan, or no motion that keeps its constraints was found.
     """
-    from mpc_cover.control.control_law import require_double  # noqa: PLC0415 - as above
+    from mpc_cover.control.factory import require_double  # noqa: PLC0415 - as above
     from mpc_cover.planning.offline import PlanOptions, plan_mission  # noqa: PLC0415
 
     problems = [*_no_seed(seed), *_no_time(time_limit_s)]
