@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,9 @@ REDRAW = "run: python docs/make_architecture_picture.py"
 
 @pytest.fixture(scope="module")
 def script():
-    spec = importlib.util.spec_from_file_location("make_architecture_picture", ROOT / "docs/make_architecture_picture.py")
+    spec = importlib.util.spec_from_file_location(
+        "make_architecture_picture", ROOT / "docs/make_architecture_picture.py"
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -37,6 +40,19 @@ def test_arrows_are_as_wide_as_there_are_imports_give_or_take_a_few(script, draw
     for one, others in script.graph_of(ROOT)["imports"].items():
         for other, count in others.items():
             assert count == pytest.approx(drawn["imports"][one][other], rel=0.3, abs=4), f"{one} -> {other}; {REDRAW}"
+
+
+def test_abstractions_are_defined_where_the_page_says():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    table = page.split("## The few abstractions")[1].split("##")[0]
+    rows = re.findall(r"^\| (`[^|]+`) \| (`[^|]+`) \|", table, flags=re.MULTILINE)
+    assert len(rows) >= 8
+    for names, places in rows:
+        files = [ROOT / place for place in re.findall(r"`([^`]+)`", places)]
+        sources = [each for file in files for each in (file.rglob("*.py") if file.is_dir() else [file])]
+        text = "\n".join(source.read_text(encoding="utf-8") for source in sources)
+        for name in re.findall(r"`([^`]+)`", names):
+            assert re.search(rf"^(class|def) {name}\b", text, flags=re.MULTILINE), f"{name} is not in {places}"
 
 
 def test_imports_run_downward(drawn):

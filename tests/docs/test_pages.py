@@ -108,8 +108,8 @@ def keys_of(model, prefix=""):
 def test_the_page_of_missions_has_every_key_with_its_default_and_no_other():
     text = (ROOT / "docs" / "missions.md").read_text(encoding="utf-8")
     shown = dict(re.findall(r"^\| `([^`]+)` \| ([^|]+) \|", text, flags=re.MULTILINE))
-    expected = {path: "–" if default is None else str(default) for path, default in keys_of(MissionSpec)}
-    expected["magnitudes"] = "–"
+    expected = {path: "-" if default is None else str(default) for path, default in keys_of(MissionSpec)}
+    expected["magnitudes"] = "-"
     assert shown == expected
 
 
