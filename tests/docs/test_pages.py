@@ -1,5 +1,7 @@
 """What README, CONTRIBUTING and docs/ say of files, keys and messages is so."""
 
+import ast
+import inspect
 import re
 from pathlib import Path
 from types import UnionType
@@ -9,6 +11,7 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
+import mpc_cover
 from mpc_cover.mission.config import MissionSpec
 from mpc_cover.mission.load import build_mission, load_mission
 from mpc_cover.service.protocol import messages
@@ -79,6 +82,15 @@ def test_missions_that_pages_show_are_valid(page):
 def test_readme_shows_box_3_as_it_is():
     shown = build_mission(missions_in(ROOT / "README.md")[0], "README")
     assert shown.to_json() == load_mission("box-3").to_json()
+
+
+def test_calls_that_pages_show_fit_the_functions(page):
+    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    calls = [node for block in blocks for node in ast.walk(ast.parse(block)) if isinstance(node, ast.Call)]
+    for call in calls:
+        if ast.unparse(call.func).startswith("mpc_cover."):
+            function = getattr(mpc_cover, call.func.attr)
+            inspect.signature(function).bind(*call.args, **{each.arg: each.value for each in call.keywords})
 
 
 def models_in(annotation):
