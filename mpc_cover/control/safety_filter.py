@@ -9,7 +9,7 @@ braking at once, attains (`constraint_relaxation`): never more.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -64,16 +64,23 @@ class SafetyFilter:
 
     def _malformed(self, trajectory: Trajectory, state: FleetState) -> str | None:
         """Return why a trajectory is none of this fleet from this state on, or None."""
-        steps, shape = trajectory.time.size - 1, state.position.shape
-        expected = {"position": (steps + 1, *shape), "velocity": (steps + 1, *shape), "input": (steps, *shape)}
-        for name, wanted in expected.items():
-            if (found := getattr(trajectory, name).shape) != wanted or steps < 1:
+        names = ("time", "position", "velocity", "input")
+        arrays: dict[str, Any] = {name: getattr(trajectory, name, None) for name in names}
+        for name, array in arrays.items():
+            if not isinstance(array, np.ndarray) or not np.issubdtype(array.dtype, np.floating):
+                return f"{name} must be an array of floating-point numbers"
+        steps, shape = arrays["time"].size - 1, state.position.shape
+        expected = {"time": (steps + 1,), "position": (steps + 1, *shape), "velocity": (steps + 1, *shape)}
+        for name, wanted in {**expected, "input": (steps, *shape)}.items():
+            if (found := arrays[name].shape) != wanted or steps < 1:
                 return f"{name} has shape {found}, must be {wanted} with one step at the least"
         period = self._control.period_s
         grid = state.time + period * np.arange(steps + 1)
-        if not (np.abs(trajectory.time - grid) <= SNAP_S * (1.0 + np.abs(grid))).all():
+        if trajectory.period != period:  # agents are sent the period, not the times
+            return f"period is {trajectory.period} s, must be {period:g} s"
+        if not (np.abs(arrays["time"] - grid) <= SNAP_S * (1.0 + np.abs(grid))).all():
             return f"samples must lie every {period:g} s from {state.time:g} s on"
-        for name in expected:
-            if not np.isfinite(getattr(trajectory, name)).all():
+        for name, array in arrays.items():
+            if not np.isfinite(array).all():
                 return f"{name} must be finite"
         return None

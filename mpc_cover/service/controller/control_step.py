@@ -83,7 +83,7 @@ class ControlStep:
         self.sent = self._publish(proposal, state, supervisor)
         if not self.sent:
             self._mission_clock.pause()
-        self._note("prepare", proposal, took_s, took_s, missed=False)
+        self._note("prepare", state, proposal, took_s, took_s, missed=False)
         return self.sent
 
     def step(self, supervisor: FleetSupervisor, coverage: FlownMap) -> None:
@@ -117,7 +117,7 @@ class ControlStep:
         else:
             self.sent = self._publish(proposal, state, supervisor)
         took_s = time.perf_counter() - begun
-        self._note("step", proposal, thought_s, took_s, missed=late or budget.left_s < 0.0)
+        self._note("step", state, proposal, thought_s, took_s, missed=late or budget.left_s < 0.0)
 
     def _late(self, tick: int) -> bool:
         """Return whether agents, who look at their mail once a state period, would find a plan after its start.
@@ -139,6 +139,7 @@ class ControlStep:
         self._law.published(proposal.trajectory)
         return True
 
-    def _note(self, kind: str, proposal: Proposal, thought_s: float, took_s: float, *, missed: bool) -> None:
-        start_s = proposal.trajectory.start_time if proposal.trajectory.time.size else 0.0
-        self._steps.add(Step(kind, start_s, thought_s, took_s, proposal.source.name, proposal.reason, missed))
+    def _note(
+        self, kind: str, state: FleetState, proposal: Proposal, thought_s: float, took_s: float, *, missed: bool
+    ) -> None:
+        self._steps.add(Step(kind, state.time, thought_s, took_s, proposal.source.name, proposal.reason, missed))

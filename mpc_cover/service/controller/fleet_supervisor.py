@@ -91,6 +91,8 @@ class FleetSupervisor:
     def assess(self, now_s: float, patience_s: float) -> str:
         """See who is lost, back or slow; return why everyone should rather stop and wait, if so."""
         self._learn_speeds()
+        for name in self.fleet.reborn:  # no plan of before is for it
+            self._publisher.forget(self._ids.index(name))
         if not self._tolerates_losses:
             return self._who_is_missed(now_s)
         lost = self._detector.lost
@@ -202,14 +204,11 @@ class FleetSupervisor:
 
     def _note_loss(self, index: int) -> None:
         name = self._ids[index]
-        if name in self.fleet.reborn:
-            self._publisher.forget(index)
         self._tell(_kind("lost", name), f"{name} is lost: its work is shared out")
 
     def _readmit(self, index: int) -> None:
         name, link = self._ids[index], self.fleet.links[index]
         link.freeze()
-        self._publisher.forget(index)
         self._speeds.forget(index)
         self._tell(_kind("back", name), f"{name} is back: work is shared with it again")
 

@@ -91,7 +91,8 @@ class MissionPhases:
         self._heartbeat.events.tell(f"phase-{phase}", text)
 
     def regroup(self, why: str) -> None:
-        """Let everyone finish its plan, and wait for all to be at rest."""
+        """Let everyone finish its plan, and wait for all to be at rest, for whom failures are counted anew."""
+        self._control_step.failures = 0
         self.enter(Phase.WAITING, f"{why}: everyone finishes its plan and waits")
 
     def _wait(self) -> None:

@@ -79,7 +79,7 @@ class PlanPublisher:
         self._filter = SafetyFilter(mission)
 
     def forget(self, index: int) -> None:
-        """Start afresh with agent number `index`: it is at rest, or another one."""
+        """Forget what was sent to agent number `index`: another one has taken its place."""
         self._sent[index].clear()
 
     def schedule(self, index: int, link: AgentLink) -> Schedule:

@@ -41,8 +41,6 @@ PATIENCE_S = 1.0
 """An agent that is awaited must have been heard within this time of the machine's clock [s]."""
 ASLEEP = 2
 """Whoever is so many periods late cannot tell at once who else was silent."""
-MAX_FAILURES = 3
-"""Steps in a row that may raise before the fleet regroups."""
 
 
 class Controller:
@@ -50,7 +48,7 @@ class Controller:
 
     Parameters
     ----------
-    mission, brain, transport, clock : what to do, how to think, and the world; all handed in.
+    mission, law, transport, clock : what to do, how to plan, and the world; all handed in.
     epoch, identity : whose plans agents are to follow; a later controller has a higher epoch.
     speed : how many seconds of `clock` pass in one of the machine's.
     budget_of : makes the budget of a step from its seconds of the machine's: of time, or of counted work, with which
