@@ -138,7 +138,7 @@ def draw(graph: Graph) -> Figure:
         _box(axes, name, graph["says"][name], graph["holds"][name] if name in WIDE else [], place)
     text = (
         f"{', '.join(BASEMENT)}: for everyone. Arrows: who imports whom, the wider the more often;\n"
-        "those that follow from others are left out. Red: shares no code with those whose work it judges or does."
+        "those that follow from others are left out. Red: kept apart, it imports nothing of those it serves or judges."
     )
     axes.text(5.0, bottom + 0.42, text, ha="center", va="center", fontsize=10.0, color="#444444", linespacing=1.3)
     return figure
@@ -187,12 +187,17 @@ def _within(value: float, most: float) -> float:
     return max(-most, min(most, value))
 
 
+def save(graph: Graph, file: Path) -> None:
+    """Draw the picture; the same graph gives the same bytes with the same matplotlib."""
+    with mpl.rc_context(mpl.rcParamsDefault):
+        draw(graph).savefig(file, metadata={"Software": None})
+
+
 def main() -> None:
     """Write the graph and the picture."""
     graph = graph_of(ROOT)
     DATA.write_text(json.dumps(graph, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    with mpl.rc_context(mpl.rcParamsDefault):
-        draw(graph).savefig(PICTURE, metadata={"Software": None})
+    save(graph, PICTURE)
 
 
 if __name__ == "__main__":
