@@ -86,6 +86,7 @@ def test_the_shortest_plan_is_complete_and_one_sample_less_was_tried():
         search=Search(starts=4, finalists=1),
         budget=UNLIMITED,
         told=lambda n, c: told.append((n, c.complete)),
+        failures=1,
     )
     assert found.complete
     assert holds(task, found.plan)
