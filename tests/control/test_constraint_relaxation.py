@@ -218,7 +218,7 @@ def test_within_its_bounds_a_fleet_keeps_them():
     path, state = rest_at(fleet)
     bounds = attainable_bounds(fleet, [path], state)
     assert bounds.fleet is fleet
-    assert not bounds.apart
+    assert not bounds.pair_separation
 
 
 @pytest.mark.parametrize("moved", [0.0, 0.3])
@@ -226,7 +226,7 @@ def test_a_pair_that_is_too_near_may_stay_so_but_no_other_may_come_as_near(moved
     fleet = fleet_at([[0.0, 0.0], [0.4, 0.0], [1.1 - moved, 0.0]])
     path, state = rest_at(fleet, np.array([[0.0, 0.0], [0.4, 0.0], [1.1, 0.0]]))
     bounds = relaxed(fleet, path)
-    assert bounds.apart == {(0, 1): pytest.approx(0.4)}
+    assert bounds.pair_separation == {(0, 1): pytest.approx(0.4)}
     assert bounds.keeps(path, state)
     nearer, there = rest_at(fleet, fleet.start)
     assert bounds.keeps(nearer, there) == (moved == 0.0)

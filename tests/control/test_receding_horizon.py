@@ -29,6 +29,7 @@ from mpc_cover.model.constraint_tightening import without_lost
 from mpc_cover.model.fleet_state import FleetState
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.budget import Budget
+from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
 from mpc_cover.planning.initial_guess.rendezvous import out_of_range
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.scp import SCPResult
@@ -205,7 +206,7 @@ class SlowStart(HastyPlanner):
         slow = np.zeros((8, 2, 2))
         slow[:4, :, 0] = 0.25
         plan = Trajectory.from_velocities(task.position, task.velocity, slow, task.start_time, PERIOD)
-        return replace(super().thorough(task, budget), plan=plan, feasible=True, kind="slow")
+        return replace(super().thorough(task, budget), plan=plan, feasible=True, origin=Origin(GuessKind.GIVEN, "slow"))
 
 
 @pytest.mark.parametrize(("gap", "taken"), [(0.55, False), (1.6, True)])

@@ -15,9 +15,9 @@ from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.control.recovery import Mode, ReplanHistory, Situation, next_mode, stays_at
 from mpc_cover.information.build import make_map
 from mpc_cover.planning.budget import Budget
-from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
+from mpc_cover.planning.candidate import as_flown
+from mpc_cover.planning.initial_guess.guess import rest_guess
 from mpc_cover.planning.planner import Planner
-from mpc_cover.planning.task import as_flown
 
 NAMES = [field.name for field in fields(Situation)]
 CASES = [
@@ -215,7 +215,7 @@ class Resting(Planner):
         if len(self.asked) > self.resting:
             return super().thorough(task, Budget.counted(0.5))
         still = rest_guess(task.position)
-        return as_flown(task, still, task.flown(still, task.least_steps))
+        return as_flown(task, still, task.least_steps)
 
 
 def thoughts(mission, planner, count):

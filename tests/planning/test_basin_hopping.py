@@ -9,7 +9,7 @@ from motions import EXHAUSTED, UNLIMITED, random_window
 
 from mpc_cover.mission.load import load_mission
 from mpc_cover.planning.basin_hopping import basin_hopping, perturbed, reweighted
-from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
+from mpc_cover.planning.initial_guess.guess import rest_guess
 from mpc_cover.planning.multistart import Search, multistart
 from mpc_cover.planning.offline import offline_task
 from mpc_cover.planning.scp import evaluate, optimise
@@ -71,7 +71,7 @@ def test_from_rest_hops_cover_what_a_descent_leaves():
     backend = make_backend("piqp")
     descent = optimise(ocp, x, backend, budget=UNLIMITED)
     found = multistart(task, backend, 30, Search(rounds=4), UNLIMITED, given={"still": x})[0]
-    assert found.kind == "still"
+    assert found.origin.name == "still"
     assert descent.cost > 0.0
     assert found.feasible
     assert found.cost < 0.9 * descent.cost

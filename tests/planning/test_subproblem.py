@@ -148,10 +148,10 @@ def test_with_room_to_stop_before_walls_it_has_the_same_optimum_as_the_reference
     [
         {"lost": (1,)},
         {"lost": (0, 2)},
-        {"lost": (1,), "reaction": 2.1},
+        {"lost": (1,), "reaction_periods": 2.1},
         {"links": ((0, 2),)},
-        {"apart": {(0, 1): 0.2}},
-        {"input_max": np.array([1.0, 2.5, 1.5]), "speed_max": np.array([1.2, 1.4, 1.6]), "reaction": 2.0},
+        {"pair_separation": {(0, 1): 0.2}},
+        {"input_max": np.array([1.0, 2.5, 1.5]), "speed_max": np.array([1.2, 1.4, 1.6]), "reaction_periods": 2.0},
         {"input_max": np.array([1.0, 2.5, 1.5])},
         {"radius": np.array([[1.0, -np.inf], [0.7, 1.2], [-np.inf, 0.9]])},
     ],

@@ -10,19 +10,27 @@ from motions import UNLIMITED
 
 from mpc_cover.coverage.nearest import still_owed
 from mpc_cover.model.constraint_tightening import slowed, without_lost
-from mpc_cover.planning.initial_guess.plan_repair import repaired_plan
+from mpc_cover.model.fleet_constraints import FleetConstraints
+from mpc_cover.planning.candidate import as_flown
+from mpc_cover.planning.initial_guess.guess import GuessKind
+from mpc_cover.planning.initial_guess.plan_repair import PlanRepair
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
 
 
 def planned(mission):
     """Return a plan for all of a mission."""
-    fleet = mission.fleet
+    fleet = FleetConstraints.of(mission.fleet)
     weight = np.ones((1, mission.field.size))
     task = Task(fleet, mission.field.cell, weight, fleet.start, np.zeros_like(fleet.start), 0.0, PERIOD)
     candidate = Planner("piqp").quick(task, UNLIMITED)
     assert candidate.complete
     return task, candidate.plan
+
+
+def repaired_plan(task, old):
+    """Return the better of the repairs of an old plan."""
+    return min((as_flown(task, guess) for guess in PlanRepair().guesses(task, old)), key=lambda one: one.rank)
 
 
 def rest_of(task, plan, done, fleet):
@@ -35,7 +43,7 @@ def test_whoever_is_slower_flies_the_same_ways_and_covers_as_much():
     task, plan = planned(small_mission())
     fleet = slowed(task.fleet, np.array([1.0, 0.5]))
     found = repaired_plan(rest_of(task, plan, 0, fleet), plan)
-    assert found.kind == "the ways as before"
+    assert found.kind is GuessKind.REPAIR
     assert found.cost == 0.0
     assert (np.linalg.norm(found.plan.velocity, axis=2) <= fleet.speed_max + 1e-9).all()
     assert found.plan.steps > plan.steps
