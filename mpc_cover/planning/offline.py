@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpc_cover import __version__
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
 from mpc_cover.information.replay import measured_at
@@ -18,6 +17,7 @@ from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import End, Task
 from mpc_cover.trajectory_file import Recording
+from mpc_cover.version import __version__
 from solvers.backends.registry import backends_with_cones
 
 if TYPE_CHECKING:
