@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Ends:
+class BoundaryConditions:
     """What is asked of the first and the last state, (m, d) each; None where they are free.
 
     `closed` asks for z(N) = z(0), as repeated surveillance needs (3.15).
@@ -32,7 +32,7 @@ def bound_rows(
     position: FloatArray,
     box: tuple[FloatArray, FloatArray],
     trust: float,
-    ends: Ends,
+    ends: BoundaryConditions,
     still: tuple[int, ...] = (),
 ) -> list[Rows]:
     """Return bounds on all positions, and the equalities of the ends.

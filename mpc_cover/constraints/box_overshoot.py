@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.constraints.rows import elastic_rows
-from mpc_cover.model.braking import braking_slope
+from mpc_cover.model.braking import braking_distance_gradient
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -35,7 +35,7 @@ def box_overshoot_rows(
     side, sample, agent, axis = np.nonzero(beyond > -reach)
     normal = np.eye(layout.dimension)[axis] * np.where(side == 0, -1.0, 1.0)[:, None]
     speed = velocity[sample, agent]
-    slope = braking_slope(normal, speed, np.full(side.size, np.inf), fleet.input_max[agent])
+    slope = braking_distance_gradient(normal, speed, np.full(side.size, np.inf), fleet.input_max[agent])
     column = np.concatenate(
         [
             layout.position(sample, agent)[:, None] + np.arange(layout.dimension),

@@ -54,7 +54,7 @@ def local_choices(weight: FloatArray, reach: float) -> BoolArray:
     return chosen
 
 
-def spare_choices(weight: FloatArray, reach: float) -> BoolArray:
+def redundant_choices(weight: FloatArray, reach: float) -> BoolArray:
     """Return (m, m): edges that agent i (row) keeps so that the loss of any one agent leaves the others connected.
 
     They are its choices in its neighbourhood, and those in its neighbourhood without each one of its neighbours. So

@@ -18,7 +18,7 @@ import numpy as np
 from mpc_cover.constraints.box_overshoot import box_overshoot
 from mpc_cover.constraints.pairs import all_pairs
 from mpc_cover.constraints.rows import elastic_rows
-from mpc_cover.model.braking import braked, braking_slope
+from mpc_cover.model.braking import braking_distance_gradient, braking_position
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
@@ -106,7 +106,7 @@ def braking_encounters(
     braking_s = float((np.linalg.norm(velocity, axis=2) / fleet.input_max).max())
     count = int(np.ceil((lag + braking_s / period) * _LOOKS)) + 1
     later = np.arange(count, dtype=np.float64) * (period / _LOOKS)
-    stopped = braked(place[sample, stopper], speed[sample, stopper], later, fleet.input_max[stopper])
+    stopped = braking_position(place[sample, stopper], speed[sample, stopper], later, fleet.input_max[stopper])
     moved = _flown_on((position, velocity), sample, follower, later + part * period, period, fleet, lag)
     apart = moved - stopped  # (G, C, d)
     distance = np.linalg.norm(apart, axis=2)
@@ -153,9 +153,9 @@ def passive_safety_rows(
     own, after, past, flies = _stage(found, period, layout.steps)
     square = past[:, None] ** 2 / (2.0 * period)
     u_max = fleet.input_max
-    brakes = braking_slope(normal, velocity[own, found.follower], past, u_max[found.follower])
+    brakes = braking_distance_gradient(normal, velocity[own, found.follower], past, u_max[found.follower])
     _, speed = _within((position, velocity), layout.steps, part, period)
-    stopped = braking_slope(normal, speed[sample, found.stopper], found.later, u_max[found.stopper])
+    stopped = braking_distance_gradient(normal, speed[sample, found.stopper], found.later, u_max[found.stopper])
     half = 0.5 * part**2 * period
     parts = [
         (layout.position(own, found.follower), normal),
@@ -239,7 +239,7 @@ def _flown_on(
     flown = position[own, agent] + past * speed + past**2 / (2.0 * period) * gain
     end = np.minimum(sample + lag, final)
     since = elapsed[~flies] - lag * period
-    halted = braked(position[end, agent], velocity[end, agent], since, fleet.input_max[agent])
+    halted = braking_position(position[end, agent], velocity[end, agent], since, fleet.input_max[agent])
     return np.concatenate([flown, halted])
 
 

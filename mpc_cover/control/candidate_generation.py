@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mpc_cover.planning.candidate import as_flown
+from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.plan_repair import PlanRepair
 from mpc_cover.planning.task import Task, needs_laps
 
@@ -66,7 +66,7 @@ class CandidateGenerator:
         self, state: FleetState, coverage: FlownMap, former: Trajectory | None, budget: Budget
     ) -> Candidate | None:
         """Return a plan that brings all of many looks without going round again, if there is one."""
-        task = self._task(state, coverage, in_one_go=True)
+        task = self._task(state, coverage, single_pass=True)
         if not needs_laps(task.looks):
             return None
         found = [] if former is None else [_repaired(task, former)]
@@ -78,8 +78,8 @@ class CandidateGenerator:
         sound = (one for one in found if one.feasible and self._constraints.keeps(one.plan, state))
         return min(sound, key=lambda candidate: candidate.rank, default=None)
 
-    def _task(self, state: FleetState, coverage: FlownMap, *, in_one_go: bool = False) -> Task:
-        weight, looks = self._allocation.next(coverage, state, in_one_go=in_one_go)
+    def _task(self, state: FleetState, coverage: FlownMap, *, single_pass: bool = False) -> Task:
+        weight, looks = self._allocation.next(coverage, state, single_pass=single_pass)
         here = (state.position, state.velocity, state.time)
         fleet, owed = self._constraints.planned, weight * self._constraints.reachable
         return Task(fleet, self._cell, owed, *here, self._period, looks=looks)
@@ -87,7 +87,7 @@ class CandidateGenerator:
 
 def _repaired(task: Task, former: Trajectory) -> Candidate:
     """Return the best candidate along the ways of a former plan."""
-    return min((as_flown(task, guess) for guess in PlanRepair().guesses(task, former)), key=lambda one: one.rank)
+    return min((evaluate_guess(task, guess) for guess in PlanRepair().guesses(task, former)), key=lambda one: one.rank)
 
 
 def _brings_most(task: Task, candidate: Candidate) -> bool:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.task import AT_ONCE, needs_laps
+from mpc_cover.planning.task import LOOKS_PER_LAP, needs_laps
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
@@ -38,20 +38,20 @@ class DemandAllocation:
         return self._later is not None and bool(self._later.any())
 
     def next(
-        self, coverage: FlownMap, state: FleetState, *, in_one_go: bool = False
+        self, coverage: FlownMap, state: FleetState, *, single_pass: bool = False
     ) -> tuple[FloatArray, IntArray | None]:
         """Return weights and looks (J, K) that a new mission plan from here is to bring; looks None for one each.
 
-        `in_one_go` asks for all that are owed, however many, and begins no lap.
+        `single_pass` asks for all that are owed, however many, and begins no lap.
         """
-        if not in_one_go:
+        if not single_pass:
             coverage.begin_lap(state.time, state.position)
         owed = coverage.demand(state.time, state.position)
         weight = owed.gamma * self._field.weight
-        if owed.looks is None or in_one_go:
+        if owed.looks is None or single_pass:
             self._later = None
             return weight, owed.looks
-        most = _BY_LAP if needs_laps(owed.looks) else AT_ONCE
+        most = _BY_LAP if needs_laps(owed.looks) else LOOKS_PER_LAP
         self._later = np.maximum(owed.looks - most, 0)
         return weight, np.minimum(owed.looks, most)
 
@@ -65,7 +65,7 @@ class DemandAllocation:
         owed = coverage.demand(state.time, state.position)
         weight = owed.gamma * self._field.weight
         if owed.looks is None:
-            return still_owed(later, self._field.cell, radius, weight), None
+            return remaining_weight(later, self._field.cell, radius, weight), None
         beyond = 0 if self._later is None else self._later
         looks = np.maximum(owed.looks - beyond - look_counts(later, self._field.cell, radius), 0)
         return np.where(looks > 0, weight, 0.0), looks

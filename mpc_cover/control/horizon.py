@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.boundary import Ends
+from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.model.braking import braking_velocities
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.ocp import OCP
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mpc_cover.model.fleet_constraints import FleetConstraints
 
 
-def resolved_steps(plan: Trajectory, fleet: FleetConstraints, horizon: int) -> int:
+def optimised_steps(plan: Trajectory, fleet: FleetConstraints, horizon: int) -> int:
     """Return how many samples of the mission plan are re-solved within a horizon [samples]; the rest is for braking."""
     if plan.steps <= horizon:
         return plan.steps
@@ -40,7 +40,7 @@ def horizon_ocp(
     looks (J, K) that the segment has to bring on `cell` (K, d) [m]; looks None for one each.
     """
     last = segment == plan.steps
-    ends = Ends(
+    ends = BoundaryConditions(
         start_position=plan.position[0],
         start_velocity=plan.velocity[0],
         end_position=None if last else plan.position[segment],
@@ -63,7 +63,7 @@ def ended_at_rest(plan: Trajectory, fleet: FleetConstraints, horizon: int) -> It
         rest = np.zeros((horizon - plan.steps, *later.shape[1:]))
         yield _from_start(plan, np.concatenate([later, rest]))
         return
-    for kept in range(resolved_steps(plan, fleet, horizon), 0, -1):
+    for kept in range(optimised_steps(plan, fleet, horizon), 0, -1):
         braking = braking_velocities(later[kept - 1], fleet, plan.period)
         room = horizon - kept - braking.shape[0]
         if room >= 0:

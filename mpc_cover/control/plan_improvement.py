@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mpc_cover.control.horizon import horizon_ocp, resolved_steps, spliced
+from mpc_cover.control.horizon import horizon_ocp, optimised_steps, spliced
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.planning.segment_refinement import resampled
 
@@ -55,7 +55,7 @@ class PlanImprovement:
         `plan` begins in `state`; `incumbent` is what was sent last.
         """
         fleet = self._constraints.planned
-        segment = resolved_steps(plan, fleet, self._constraints.horizon)
+        segment = optimised_steps(plan, fleet, self._constraints.horizon)
         later = plan.position[segment + 1 :]
         weight, looks = self._allocation.left(coverage, state, later, fleet.radius)
         owed = weight * self._constraints.reachable, looks
@@ -79,8 +79,8 @@ class PlanImprovement:
         constraints = self._constraints
         return (
             constraints.keeps(plan, state)
-            and constraints.keeps_if_missed(plan, known)
-            and constraints.leaves_room(plan, known, self._state_before(state, incumbent))
+            and constraints.safe_if_missed(plan, known)
+            and constraints.keeps_passive_safety(plan, known, self._state_before(state, incumbent))
         )
 
     def _state_before(self, state: FleetState, incumbent: Trajectory | None) -> tuple[FloatArray, FloatArray] | None:

@@ -60,13 +60,13 @@ class PlanningConstraints:
         return self._given.spec.control.horizon_steps
 
     @property
-    def torn(self) -> bool:
+    def range_infeasible(self) -> bool:
         """Whether not even the range can be kept from here."""
         return self.bounds.fleet.communication_range > self.fleet.communication_range
 
-    def parted(self, state: FleetState) -> bool:
+    def disconnected(self, state: FleetState) -> bool:
         """Return whether those who take part are out of range, or, after a loss, cannot stop before they are."""
-        return out_of_range(state.position, self.fleet) or (self.torn and bool(state.lost.any()))
+        return out_of_range(state.position, self.fleet) or (self.range_infeasible and bool(state.lost.any()))
 
     def update(self, state: FleetState, incumbent: Trajectory | None) -> bool:
         """See who takes part, which bounds can be kept from here, and what is in reach; `incumbent` is flown so far.
@@ -97,7 +97,7 @@ class PlanningConstraints:
         """Return whether the verifier passes a plan from a state."""
         return self.bounds.keeps(path_among(plan, state), state.actual)
 
-    def keeps_if_missed(self, plan: Trajectory, known: Trajectory) -> bool:
+    def safe_if_missed(self, plan: Trajectory, known: Trajectory) -> bool:
         """Return whether all is well while anyone goes on along the plan that is known, until that is noticed."""
         last = min(_NOTICED, plan.steps, known.steps)
         new, old = (
@@ -106,7 +106,9 @@ class PlanningConstraints:
         )
         return self.bounds.keeps_mixed(new, old)
 
-    def leaves_room(self, plan: Trajectory, known: Trajectory, before: tuple[FloatArray, FloatArray] | None) -> bool:
+    def keeps_passive_safety(
+        self, plan: Trajectory, known: Trajectory, before: tuple[FloatArray, FloatArray] | None
+    ) -> bool:
         """Return whether a plan leaves as much room to stop as is wanted, or as the known one does.
 
         `before` is the state a period earlier: who stopped then is not known of yet.

@@ -99,7 +99,7 @@ class RecedingHorizon:
         if self._constraints.update(state, self._incumbent):  # no plan of before is for this fleet
             self._flight = replace(self._flight, plan=None, former=self._flight.plan or self._flight.former)
         if state.settled:
-            budget = budget.extended((self._flight.history.patience - 1.0) * self._planning_s)
+            budget = budget.extended((self._flight.history.time_factor - 1.0) * self._planning_s)
         proposal, flight = self._decide(state, coverage, budget)
         self._proposed = proposal.trajectory, flight
         self._flight = _if_not_sent(self._flight, flight)
@@ -112,9 +112,9 @@ class RecedingHorizon:
         situation = Situation(
             settled=state.settled,
             work_left=bool((coverage.owed & self._constraints.reachable).any()),
-            parted=self._constraints.parted(state),
-            lost_touch=bool(state.lost.any()) and out_of_range(state.position, self._constraints.fleet),
-            torn=self._constraints.torn,
+            disconnected=self._constraints.disconnected(state),
+            disconnected_by_loss=bool(state.lost.any()) and out_of_range(state.position, self._constraints.fleet),
+            range_infeasible=self._constraints.range_infeasible,
             on_plan=rest is not None,
         )
         mode = next_mode(flight.mode, situation)
@@ -155,7 +155,7 @@ class RecedingHorizon:
         if mode is Mode.RENDEZVOUS:
             flight, situation, reason = self._meet(flight, situation, state)
             in_touch = not out_of_range(state.position, self._constraints.fleet)
-            if not situation.can_meet and situation.parted and in_touch:
+            if not situation.rendezvous_possible and situation.disconnected and in_touch:
                 flight, situation, reason = self._cover(flight, situation, state, coverage, budget)
         if not state.settled and self._is_stranded(flight, state, coverage, budget):
             stranded, history = flight.history.stranded(state.position, float(coverage.residual.sum()))
@@ -169,7 +169,7 @@ class RecedingHorizon:
         """Take the best plan that is found for what is owed, if any is better than to go on as before."""
         best = self._candidates.best(state, coverage, flight.former, budget)
         if best is None:
-            return flight, replace(situation, out_of_plans=flight.plan is None), "nothing better was found"
+            return flight, replace(situation, no_plan_found=flight.plan is None), "nothing better was found"
         if best.idle and flight.plan is not None and flight.mode is not Mode.RENDEZVOUS:
             return flight, situation, "no way on was found yet"
         hasty = best.idle and flight.former is not None
@@ -187,7 +187,7 @@ class RecedingHorizon:
         plans = (guess.motion for guess in Rendezvous().guesses(task))
         plan = next((plan for plan in plans if plan is not None and self._constraints.keeps(plan, state)), None)
         reason = "meets again" if plan is not None else "nothing better was found"
-        return replace(flight, plan=plan), replace(situation, can_meet=plan is not None), reason
+        return replace(flight, plan=plan), replace(situation, rendezvous_possible=plan is not None), reason
 
     def _is_poor(self, best: Candidate, flight: _Flight, state: FleetState, coverage: FlownMap) -> bool:
         """Return whether a plan leaves most of what is owed, so that longer planning is worth while."""

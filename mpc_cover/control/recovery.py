@@ -40,11 +40,11 @@ class Situation:
     ----------
     settled : the whole fleet is at rest and waits for a plan: there is time to plan thoroughly.
     work_left : something is owed that those who take part can measure.
-    parted : those who take part are out of range of each other, or cannot stop before they are.
-    lost_touch : the same, after the loss of an agent: they meet again even when nothing is owed.
-    can_meet : a verified way on which all gaps close is known; True until it was looked for.
-    out_of_plans : a search found no plan for what is owed, and none is left from before.
-    torn : the range cannot be kept from here.
+    disconnected : those who take part are out of range of each other, or cannot stop before they are.
+    disconnected_by_loss : the same, after the loss of an agent: they meet again even when nothing is owed.
+    rendezvous_possible : a verified way on which all gaps close is known; True until it was looked for.
+    no_plan_found : a search found no plan for what is owed, and none is left from before.
+    range_infeasible : the range cannot be kept from here.
     on_plan : a mission plan is flown that keeps the constraints.
     worth_replanning : what was found is so poor, or came so late, that thorough planning at rest promises more.
     safe : a verified plan can be sent, or goes on.
@@ -52,11 +52,11 @@ class Situation:
 
     settled: bool = False
     work_left: bool = True
-    parted: bool = False
-    lost_touch: bool = False
-    can_meet: bool = True
-    out_of_plans: bool = False
-    torn: bool = False
+    disconnected: bool = False
+    disconnected_by_loss: bool = False
+    rendezvous_possible: bool = True
+    no_plan_found: bool = False
+    range_infeasible: bool = False
     on_plan: bool = False
     worth_replanning: bool = False
     safe: bool = True
@@ -72,10 +72,10 @@ def next_mode(mode: Mode, situation: Situation) -> Mode:
         return Mode.BRAKE
     if mode is Mode.REPLAN_AT_REST and not situation.settled:
         return Mode.REPLAN_AT_REST
-    if not situation.work_left and (situation.settled or not situation.lost_touch):
+    if not situation.work_left and (situation.settled or not situation.disconnected_by_loss):
         return Mode.STOP
-    apart = situation.parted and (mode is Mode.RENDEZVOUS or not situation.on_plan)
-    if (apart or (situation.out_of_plans and situation.torn)) and situation.can_meet:
+    apart = situation.disconnected and (mode is Mode.RENDEZVOUS or not situation.on_plan)
+    if (apart or (situation.no_plan_found and situation.range_infeasible)) and situation.rendezvous_possible:
         return Mode.RENDEZVOUS
     return Mode.REPLAN_AT_REST if situation.worth_replanning else Mode.NOMINAL
 
@@ -87,29 +87,29 @@ class ReplanHistory:
     Attributes
     ----------
     planning_s : how long the first thorough planning takes.
-    in_vain : thorough plannings in a row that came to nothing worth flying.
+    failed_attempts : thorough plannings in a row that came to nothing worth flying.
     place : (m, d) [m] where the fleet was last stranded, None if nowhere.
     owed : how much was owed then.
     """
 
     planning_s: float
-    in_vain: int = 0
+    failed_attempts: int = 0
     place: FloatArray | None = None
     owed: float = np.inf
 
     @property
-    def patience(self) -> float:
+    def time_factor(self) -> float:
         """How many times as long as usual thorough planning may take: it doubles whenever one was too short."""
-        return float(2.0**self.in_vain)
+        return float(2.0**self.failed_attempts)
 
     def after(self, mode: Mode) -> ReplanHistory:
         """Return the history after a thorough planning that ended in `mode`."""
-        return replace(self, in_vain=self.in_vain + 1 if mode is Mode.REPLAN_AT_REST else 0)
+        return replace(self, failed_attempts=self.failed_attempts + 1 if mode is Mode.REPLAN_AT_REST else 0)
 
     def is_poor(self, left: FloatArray, owed: FloatArray) -> bool:
         """Return whether a plan that leaves weights (J, K) of those owed is worth planning again at rest."""
         most = max(_ATTEMPTS, int(np.ceil(np.log2(_LONG_S / self.planning_s))))
-        return self.in_vain < most and bool(np.count_nonzero(left) > _POOR * np.count_nonzero(owed))
+        return self.failed_attempts < most and bool(np.count_nonzero(left) > _POOR * np.count_nonzero(owed))
 
     def stranded(self, here: FloatArray, owed: float) -> tuple[bool, ReplanHistory]:
         """Return whether a fleet at rest at (m, d) [m] that finds no way on should plan thoroughly, and the history.

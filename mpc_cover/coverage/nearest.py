@@ -92,7 +92,7 @@ def nearest_samples(
     )
 
 
-def still_owed(position: FloatArray, cell: FloatArray, radius: FloatArray, weight: FloatArray) -> FloatArray:
+def remaining_weight(position: FloatArray, cell: FloatArray, radius: FloatArray, weight: FloatArray) -> FloatArray:
     """Return the weights (J, K) of what a motion (N+1, m, d) [m] leaves over; N+1 may be 0."""
     left = weight.copy()
     if position.shape[0] == 0 or not (weight > 0.0).any():

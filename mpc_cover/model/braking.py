@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 _STANDING = 1e-9
 
 
-def braked(position: FloatArray, velocity: FloatArray, later: FloatArray, input_max: FloatArray) -> FloatArray:
+def braking_position(
+    position: FloatArray, velocity: FloatArray, later: FloatArray, input_max: FloatArray
+) -> FloatArray:
     """Return where (G, C, d) [m] those from (C, d) are `later` (G,) [s], braking as hard as they can (C,) [m/s^2]."""
     speed = np.linalg.norm(velocity, axis=1)
     time = np.minimum(later[:, None], (speed / input_max)[None])
@@ -23,7 +25,9 @@ def braked(position: FloatArray, velocity: FloatArray, later: FloatArray, input_
     return np.asarray(position[None] + way[:, :, None] * velocity[None])
 
 
-def braking_slope(normal: FloatArray, velocity: FloatArray, later: FloatArray, input_max: FloatArray) -> FloatArray:
+def braking_distance_gradient(
+    normal: FloatArray, velocity: FloatArray, later: FloatArray, input_max: FloatArray
+) -> FloatArray:
     """Return the gradient (C, d) [s] of the way along `normal` that braking takes `later` (C,) [s] on, by velocity."""
     speed = np.maximum(np.linalg.norm(velocity, axis=1), _STANDING)
     heading = velocity / speed[:, None]

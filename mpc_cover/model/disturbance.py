@@ -18,7 +18,7 @@ def disturbs_motion(given: Disturbance) -> bool:
     return random or any(given.wind_m_per_s2) or any(part < 1.0 for part in given.slow_agents.values())
 
 
-class Weather:
+class AgentDisturbance:
     """One agent's share of the disturbances; the same seed gives the same draws in the same order.
 
     Attributes
@@ -36,27 +36,27 @@ class Weather:
 
     def noise(self) -> FloatArray:
         """Draw how far off a measured position is, (d,) [m]."""
-        return in_ball(self._random, self._noise_m, self._dimension)
+        return sample_ball(self._random, self._noise_m, self._dimension)
 
     def gust(self) -> FloatArray:
         """Draw the disturbance of a state period, (d,) [m/s^2]."""
-        return in_ball(self._random, self._gust, self._dimension)
+        return sample_ball(self._random, self._gust, self._dimension)
 
 
-def weather_of(mission: Mission, index: int, seed: int) -> Weather:
+def agent_disturbance(mission: Mission, index: int, seed: int) -> AgentDisturbance:
     """Return what the mission's agent number `index` suffers."""
     fleet, given = mission.fleet, mission.spec.disturbance
     part = given.slow_agents.get(fleet.ids[index], 1.0)
     speed_max = part * float(fleet.speed_max[index]) if part < 1.0 else np.inf
-    return Weather(given, fleet.dimension, speed_max, (seed, index))
+    return AgentDisturbance(given, fleet.dimension, speed_max, (seed, index))
 
 
-def still_air(mission: Mission, speed_max: float) -> Weather:
+def undisturbed(mission: Mission, speed_max: float) -> AgentDisturbance:
     """Return what the controller reckons with: no noise, no gust, no wind, but perhaps a slow agent [m/s]."""
-    return Weather(type(mission.spec.disturbance)(), mission.fleet.dimension, speed_max, ())
+    return AgentDisturbance(type(mission.spec.disturbance)(), mission.fleet.dimension, speed_max, ())
 
 
-def in_ball(random: np.random.Generator, radius: float, dimension: int) -> FloatArray:
+def sample_ball(random: np.random.Generator, radius: float, dimension: int) -> FloatArray:
     """Draw uniformly from a ball of this radius, (d,)."""
     direction = random.standard_normal(dimension)
     length = float(np.linalg.norm(direction))
@@ -64,7 +64,7 @@ def in_ball(random: np.random.Generator, radius: float, dimension: int) -> Float
     return np.asarray(reach / length * direction) if length > 0.0 else direction
 
 
-def saturated(velocity: FloatArray, force: FloatArray, duration: float, speed_max: float) -> FloatArray:
+def saturated_acceleration(velocity: FloatArray, force: FloatArray, duration: float, speed_max: float) -> FloatArray:
     """Return the acceleration (d,) [m/s^2] left of `force` when the speed cannot exceed `speed_max` [m/s].
 
     The velocity at the end of `duration` [s] is projected onto the ball of what can be reached. With a velocity

@@ -32,7 +32,7 @@ _ROUNDING = 1.0 + 1e-9
 
 
 @dataclass(frozen=True)
-class Bounds:
+class DisturbanceBounds:
     """What an agent suffers: noise [m] and gusts [m/s^2] in balls, wind [m/s^2], every state period [s]."""
 
     position_noise_m: float
@@ -74,11 +74,11 @@ class Tube:
 class Tracking:
     """How a mission's agents keep to their references, and what to expect of it."""
 
-    bounds: Bounds
+    bounds: DisturbanceBounds
     gains: Gains
     tube: Tube
 
-    def keeps(self, position: FloatArray, velocity: FloatArray, slack: float = 0.0) -> bool:
+    def contains(self, position: FloatArray, velocity: FloatArray, slack: float = 0.0) -> bool:
         """Return whether a measured error (d,) [m], [m/s] is one that the tube allows, give or take `slack`."""
         away, faster = float(np.linalg.norm(position)), float(np.linalg.norm(velocity))
         reach = self.tube.position_m + self.bounds.position_noise_m
@@ -91,11 +91,13 @@ def tracking_of(mission: Mission) -> Tracking:
     return Tracking(bounds, gains, tube(bounds, gains))
 
 
-def bounds_of(mission: Mission) -> Bounds:
+def bounds_of(mission: Mission) -> DisturbanceBounds:
     """Return what a mission's agents may suffer."""
     given = mission.spec.disturbance
     wind = float(np.linalg.norm(given.wind_m_per_s2)) if given.wind_m_per_s2 else 0.0
-    return Bounds(given.position_noise_m, given.input_noise_m_per_s2, wind, mission.spec.control.state_period_s)
+    return DisturbanceBounds(
+        given.position_noise_m, given.input_noise_m_per_s2, wind, mission.spec.control.state_period_s
+    )
 
 
 def tube_of(mission: Mission) -> Tube:
@@ -114,7 +116,7 @@ def gains_of(mission: Mission) -> Gains:
 
 
 @lru_cache(maxsize=64)
-def tube(bounds: Bounds, gains: Gains) -> Tube:
+def tube(bounds: DisturbanceBounds, gains: Gains) -> Tube:
     """Return the tube for these bounds; the gains must make A - B K stable.
 
     Between two samples the position leaves its chord by a_max h^2/8 at most; the velocity is linear.
@@ -137,7 +139,7 @@ def closed_loop(gains: Gains, period: float) -> tuple[FloatArray, FloatArray]:
     return moved - np.outer(entry, [gains.position, gains.velocity]), entry
 
 
-def placed(first: float, second: float, period: float) -> Gains:
+def place_poles(first: float, second: float, period: float) -> Gains:
     """Return the gains that give A - B K these real poles."""
     stiffness = (1.0 - first) * (1.0 - second)
     return Gains(stiffness / period**2, (1.0 + 0.5 * stiffness - first * second) / period)
@@ -156,13 +158,13 @@ def _response(gains: Gains, period: float) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def _best_gains(bounds: Bounds, radius: float, speed: float, force: float) -> Gains:
+def _best_gains(bounds: DisturbanceBounds, radius: float, speed: float, force: float) -> Gains:
     if not bounds.position_noise_m and not bounds.push_m_per_s2:
-        bounds = Bounds(0.01 * radius, 0.05 * force, 0.0, bounds.state_period_s)  # slow agents track as well
+        bounds = DisturbanceBounds(0.01 * radius, 0.05 * force, 0.0, bounds.state_period_s)  # slow agents track as well
 
     def cost(gains: Gains) -> float:
         size = tube(bounds, gains)
         return 2.0 * size.position_m / radius + size.velocity_m_per_s / speed + size.input_m_per_s2 / force
 
     pairs = combinations_with_replacement(_POLES, 2)
-    return min((placed(*pair, bounds.state_period_s) for pair in pairs), key=cost)
+    return min((place_poles(*pair, bounds.state_period_s) for pair in pairs), key=cost)

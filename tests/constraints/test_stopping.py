@@ -16,7 +16,7 @@ from mpc_cover.constraints.passive_safety import (
     stop_instants,
 )
 from mpc_cover.constraints.rows import Layout
-from mpc_cover.model.braking import braked, braking_slope
+from mpc_cover.model.braking import braking_distance_gradient, braking_position
 from mpc_cover.model.motion import roll_out
 
 PERIOD = 0.5
@@ -148,7 +148,7 @@ def test_whoever_brakes_stays_in_the_box_where_no_overrun_is_seen(seed):
     fleet = fleet_of(start, motion_min=np.zeros(2), motion_max=np.full(2, 4.0), reaction_periods=2.0)
     inside = ((position > 0.02) & (position < 3.98)).all(axis=2)
     for sample, agent in zip(*np.nonzero(inside), strict=True):
-        stop = braked(position[sample], velocity[sample], np.array([1e3]), fleet.input_max)[0, agent]
+        stop = braking_position(position[sample], velocity[sample], np.array([1e3]), fleet.input_max)[0, agent]
         out = np.maximum(0.01 - stop, 0.0), np.maximum(stop - 3.99, 0.0)
         assert box_overshoot(position, velocity, fleet)[:, sample, agent] == pytest.approx(np.array(out))
 
@@ -182,9 +182,9 @@ def test_the_way_that_braking_takes_has_this_slope(seed):
 
     def way(v):
         zero = np.zeros((1, 2))
-        each = [braked(zero, v[i : i + 1], later[i : i + 1], input_max[i : i + 1])[0, 0] for i in range(5)]
+        each = [braking_position(zero, v[i : i + 1], later[i : i + 1], input_max[i : i + 1])[0, 0] for i in range(5)]
         return np.einsum("cd,cd->c", normal, np.array(each))
 
-    slope = braking_slope(normal, velocity, later, input_max)
+    slope = braking_distance_gradient(normal, velocity, later, input_max)
     gained = np.einsum("cd,cd->c", slope, change)
     assert way(velocity + change) - way(velocity) == pytest.approx(gained, abs=1e-10)

@@ -14,7 +14,7 @@ from mpc_cover.mission.load import build_mission
 from mpc_cover.model.tube import tube_of
 from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
 from mpc_cover.planning.scp import SCPResult
-from mpc_cover.planning.task import Candidate, as_flown
+from mpc_cover.planning.task import Candidate, evaluate_guess
 from mpc_cover.verification.motion import verify_motion
 
 PERIOD = 0.5
@@ -274,7 +274,7 @@ def test_planning_that_was_too_short_is_thought_over_for_twice_as_long(monkeypat
     def slow(task, deadline, effort_s):
         asked.append(effort_s)
         still = task.flown(rest_guess(task.position), task.least_steps)
-        return as_flown(task, rest_guess(task.position), still) if len(asked) < 3 else whole(task, deadline)
+        return evaluate_guess(task, rest_guess(task.position), still) if len(asked) < 3 else whole(task, deadline)
 
     monkeypatch.setattr(law._planner, "whole", slow)
     state = mission.fleet.start, np.zeros_like(mission.fleet.start)
@@ -305,7 +305,7 @@ def test_thinking_in_vain_ends(monkeypatch):
 
     def nothing(task, deadline, effort_s):
         still = task.flown(rest_guess(task.position), task.least_steps)
-        return as_flown(task, rest_guess(task.position), still)
+        return evaluate_guess(task, rest_guess(task.position), still)
 
     monkeypatch.setattr(law._planner, "whole", nothing)
     thoughts = []

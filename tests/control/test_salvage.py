@@ -9,7 +9,7 @@ import numpy as np
 from test_receding_horizon import PERIOD, holds, small_mission
 
 from mpc_cover.control.receding_horizon import RecedingHorizon
-from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.model.constraint_tightening import slowed, without_lost
 from mpc_cover.planning.initial_guess.plan_repair import repaired_plan
 from mpc_cover.planning.planner import Planner
@@ -49,7 +49,7 @@ def test_what_the_lost_leave_over_is_flown_to_in_the_end():
     found = repaired_plan(begun, plan)
     alone = plan.position[4:].copy()
     alone[:, 0] = alone[:1, 0]
-    without_tour = still_owed(alone, task.cell, fleet.radius, task.weight) > 0.0
+    without_tour = remaining_weight(alone, task.cell, fleet.radius, task.weight) > 0.0
     assert (begun.owed_after(found.plan) > 0.0).sum() < 0.1 * without_tour.sum()
     assert not found.plan.velocity[:, 0].any()
     np.testing.assert_array_equal(found.plan.position[:, 0], np.tile(plan.position[4, 0], (found.plan.steps + 1, 1)))

@@ -14,7 +14,7 @@ from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
 from mpc_cover.planning.initial_guess.formation import formation_flight
 from mpc_cover.planning.min_time import plan_free_horizon
 from mpc_cover.planning.multistart import Search
-from mpc_cover.planning.task import Task, as_flown
+from mpc_cover.planning.task import Task, evaluate_guess
 from mpc_cover.verification.motion import verify_motion
 from solvers.backends.registry import make_backend
 
@@ -116,7 +116,7 @@ def test_a_crowd_that_no_qp_sorts_out_moves_all_the_same(monkeypatch):
 
     def in_vain(task, backend, steps, *_):
         still = rest_guess(task.position)
-        return [as_flown(task, still, task.flown(still, steps))]
+        return [evaluate_guess(task, still, task.flown(still, steps))]
 
     monkeypatch.setattr("mpc_cover.planning.min_time.multistart", in_vain)
     found = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1))

@@ -14,7 +14,7 @@ from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.mission.load import load_mission
 from mpc_cover.model.sensing import measured
 from mpc_cover.planning.initial_guess.boustrophedon import rest_guess, sweep_guesses, tour_guess
-from mpc_cover.planning.initial_guess.lanes import assign, cut_lanes, cut_snake, strips, swath_of, take_pieces
+from mpc_cover.planning.initial_guess.lanes import assign, assign_pieces, cut_lanes, cut_snake, strips, swath_of
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 from mpc_cover.planning.segment_refinement import resampled
 from mpc_cover.verification.motion import verify_motion
@@ -120,7 +120,7 @@ def test_a_cut_snake_is_one_path_in_pieces_of_the_shares_asked_for():
 
 def test_pieces_go_to_whoever_is_near_in_the_better_direction():
     pieces = [np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([[9.0, 9.0], [5.0, 9.0]])]
-    flown = take_pieces(pieces, np.array([[5.0, 8.0], [4.0, 1.0]]), np.ones(2))
+    flown = assign_pieces(pieces, np.array([[5.0, 8.0], [4.0, 1.0]]), np.ones(2))
     assert flown[0][0].tolist() == [5.0, 9.0]
     assert flown[1][0].tolist() == [4.0, 0.0]
 

@@ -137,7 +137,10 @@ def test_more_starts_are_random_relatives_and_the_same_for_a_seed():
 def test_the_shortest_plan_is_complete_and_one_sample_less_was_tried():
     task, told = small_task(), []
     found = plan_min_time(
-        task, make_backend("piqp"), search=Search(starts=4, finalists=1), told=lambda n, c: told.append((n, c.complete))
+        task,
+        make_backend("piqp"),
+        search=Search(starts=4, finalists=1),
+        on_progress=lambda n, c: told.append((n, c.complete)),
     )
     assert found.complete
     assert holds(task, found.plan)

@@ -14,9 +14,9 @@ from motions import PERIOD, grid
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.initial_guess.boustrophedon import Guess
 from mpc_cover.planning.initial_guess.dwell_time_lp import discretised, solve_dwell_times, timed_samples
-from mpc_cover.planning.initial_guess.timed_sweeps import _flown, repaired, timed_sweeps
+from mpc_cover.planning.initial_guess.timed_sweeps import _flown, repair_sweeps, timed_sweeps
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_samples
-from mpc_cover.planning.task import Task, as_flown, needs_laps
+from mpc_cover.planning.task import Task, evaluate_guess, needs_laps
 from mpc_cover.verification.motion import verify_motion
 from solvers.backends.registry import make_backend
 
@@ -159,9 +159,9 @@ def test_plans_that_break_the_separation_are_mended():
     task = many_looks(looks=6)
     crossing = [at([1.6, 2.0], [3.4, 2.0]), at([0.6, 2.0], [3.4, 2.1])]
     motions = list(_flown(task, Guess("crossing", crossing)))
-    flown = [as_flown(task, Guess("crossing", crossing), motion) for motion in motions]
+    flown = [evaluate_guess(task, Guess("crossing", crossing), motion) for motion in motions]
     assert not any(candidate.feasible for candidate in flown)
-    best = repaired(task, flown, make_backend("piqp"), 1, None)[0]
+    best = repair_sweeps(task, flown, make_backend("piqp"), 1, None)[0]
     assert best.feasible
     assert best.refined.violation < min(candidate.refined.violation for candidate in flown)
-    assert not repaired(task, flown, make_backend("piqp"), 1, deadline=0.0)
+    assert not repair_sweeps(task, flown, make_backend("piqp"), 1, deadline=0.0)

@@ -13,7 +13,7 @@ from service_fakes import Bench, SweepLaw
 from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.information.build import make_map
 from mpc_cover.planning.initial_guess.boustrophedon import rest_guess, tour_guess
-from mpc_cover.planning.task import as_flown
+from mpc_cover.planning.task import evaluate_guess
 from mpc_cover.service.controller.checkpoint import FileCheckpoints
 from mpc_cover.service.controller.state_directory import StateDirectory
 from mpc_cover.service.protocol.messages import Phase
@@ -74,7 +74,7 @@ def test_where_no_way_on_is_found_in_flight_it_is_planned_at_rest(monkeypatch):
 
     def nothing(task, deadline):
         still = rest_guess(task.position)
-        return as_flown(task, still, task.flown(still, task.least_steps))
+        return evaluate_guess(task, still, task.flown(still, task.least_steps))
 
     monkeypatch.setattr(law._planner, "timed_sweeps", lambda *_, **__: [])
     monkeypatch.setattr(law._planner, "quick", nothing)
@@ -94,7 +94,7 @@ def one_lap(task):
     for pilot in (0, 1):
         paths = [path if i == pilot else task.position[i][None] for i, path in enumerate(tour.paths)]
         guess = replace(tour, paths=paths)
-        found.append(as_flown(task, guess, task.flown(guess, None)))
+        found.append(evaluate_guess(task, guess, task.flown(guess, None)))
     return min(found, key=lambda candidate: (not candidate.feasible, candidate.cost))
 
 
