@@ -82,7 +82,7 @@ def plan_free_horizon(
         if shortest:
             steps = max(task.least_steps, (too_short + shortest) // 2)
         else:
-            left = float(task.owed_after(best.plan).astype(bool).mean())
+            left = float(task.remaining_after(best.plan).astype(bool).mean())
             steps += max(2, round(min(max(left, 0.06), 0.3) * steps))
         if steps in {too_short, shortest}:
             break
@@ -165,7 +165,7 @@ def _flights(task: Task, search: Search, budget: Budget) -> list[Candidate]:
 
 def _work(task: Task, flights: list[Candidate]) -> int:
     """Return the samples of the shortest guess that measures nearly everything, or of the one that leaves least."""
-    left = [float((task.owed_after(flight.plan) > 0.0).mean()) for flight in flights]
+    left = [float((task.remaining_after(flight.plan) > 0.0).mean()) for flight in flights]
     enough = max(_SUFFICES, min(left))
     return min(flight.plan.steps for flight, rest in zip(flights, left, strict=True) if rest <= enough)
 
@@ -179,7 +179,7 @@ def _names(candidates: list[Candidate]) -> tuple[str, ...]:
 def _extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> Candidate:
     """Fly on to what the candidate leaves over, from its end at rest."""
     for _ in range(_EXTENSIONS):
-        weight = task.owed_after(candidate.plan)
+        weight = task.remaining_after(candidate.plan)
         if not (weight > 0.0).any():
             break
         end = candidate.plan
@@ -206,7 +206,7 @@ def _flown_on(rest: Task, backend: Backend, budget: Budget) -> Candidate | None:
 
 def _leads_on(rest: Task, more: Candidate) -> bool:
     """Return whether a plan is feasible and leaves less than there was."""
-    left = np.count_nonzero(rest.owed_after(more.plan))
+    left = np.count_nonzero(rest.remaining_after(more.plan))
     return more.feasible and bool(left < np.count_nonzero(rest.weight))
 
 

@@ -120,7 +120,7 @@ class Planner:
         if task.fleet.reaction_periods == 0.0:
             return plan(task, budget=budget)
         roomy = plan(task, budget=budget.part(_CROWDED if self._crowded else _ROOMY))
-        left, owed = np.count_nonzero(task.owed_after(roomy.plan)), np.count_nonzero(task.weight)
+        left, owed = np.count_nonzero(task.remaining_after(roomy.plan)), np.count_nonzero(task.weight)
         self._crowded = not roomy.feasible or bool(left > _WORTH * owed)
         if not self._crowded or budget.exhausted:
             return roomy

@@ -98,7 +98,7 @@ class Task:
         )
         return OCP(self.fleet, self.cell, self.weight, steps, self.period, ends, self.looks, self.on_iterate)
 
-    def owed_after(self, plan: Trajectory) -> FloatArray:
+    def remaining_after(self, plan: Trajectory) -> FloatArray:
         """Return the weights (J, K) of what a plan's samples leave over; of several looks owed, all are to be taken."""
         if self.looks is not None:
             enough = look_counts(plan.position, self.cell, self.fleet.radius) >= self.looks

@@ -50,7 +50,7 @@ def test_what_the_lost_leave_over_is_flown_to_in_the_end():
     alone = plan.position[4:].copy()
     alone[:, 0] = alone[:1, 0]
     without_tour = remaining_weight(alone, task.cell, fleet.radius, task.weight) > 0.0
-    assert (begun.owed_after(found.plan) > 0.0).sum() < 0.1 * without_tour.sum()
+    assert (begun.remaining_after(found.plan) > 0.0).sum() < 0.1 * without_tour.sum()
     assert not found.plan.velocity[:, 0].any()
     np.testing.assert_array_equal(found.plan.position[:, 0], np.tile(plan.position[4, 0], (found.plan.steps + 1, 1)))
 

@@ -111,7 +111,7 @@ def _mended(task: Task, guess: Candidate, backend: Backend, budget: Budget) -> C
         )
         candidate = evaluate_motion(task, position[0], velocity, guess.origin)
         best = min(best, candidate, key=lambda one: one.rank)
-        weight = np.where(task.owed_after(candidate.plan) > 0.0, _KICK * weight, weight)
+        weight = np.where(task.remaining_after(candidate.plan) > 0.0, _KICK * weight, weight)
     return best
 
 
