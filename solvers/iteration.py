@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solvers.nlp import LearnsFromSteps, Measure
+from solvers.nlp import Measure, StepObserver
 from solvers.outcome import Iterate, Outcome, Result
 from solvers.qp import InvalidQPError
 from solvers.status import Status
@@ -213,7 +213,7 @@ class Iteration:
 
     def _take(self, point: _Point, candidate: _Candidate) -> None:
         """Make this the current point, and the best one if it is."""
-        if isinstance(self._problem, LearnsFromSteps):
+        if isinstance(self._problem, StepObserver):
             self._problem.accepted(self._point.x, point.x, candidate.multipliers)
         self._point = point
         new, old = point.measure, self._best.measure

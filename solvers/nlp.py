@@ -76,7 +76,7 @@ class Convexifiable(Protocol):
 
 
 @runtime_checkable
-class LearnsFromSteps(Protocol):
+class StepObserver(Protocol):
     """A problem that wants to hear of accepted steps, say to record them, or to update a quasi-Newton Hessian."""
 
     def accepted(

@@ -119,10 +119,10 @@ class QP:
         P = sp.csc_array((self.P.data.copy(), self.P.indices, self.P.indptr), shape=self.P.shape)
         A = sp.csc_array((self.A.data.copy(), self.A.indices, self.A.indptr), shape=self.A.shape)
         own = QP(P, self.q.copy(), A, self.l.copy(), self.u.copy(), self.cones)
-        own.open_up()
+        own.normalise_bounds()
         return own
 
-    def open_up(self) -> None:
+    def normalise_bounds(self) -> None:
         """Write into l and u what counts as infinite as infinite, so that all back-ends see the same."""
         self.l[self.l <= -INFINITE] = -np.inf
         self.u[self.u >= INFINITE] = np.inf

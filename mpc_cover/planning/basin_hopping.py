@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.planning.scp import MARGIN, evaluate, is_better, length_scale, optimise, optimise_without_margin
 
 if TYPE_CHECKING:
@@ -49,13 +49,13 @@ def basin_hopping(
     seed: int = 0,
     budget: Budget,
     exact_cones: bool = False,
-    told: Callable[[SCPResult], None] | None = None,
+    on_progress: Callable[[SCPResult], None] | None = None,
 ) -> SCPResult:
     """Return the best of `best` and what its shaken relatives are refined to; anytime.
 
     Every third relative is one of the `guesses` instead, in turn: the basin itself may be a bad one. `rounds` bounds
     the hops, None for as many as the budget allows; `seed` is that
-    of the shakes; `told` hears of each better motion.
+    of the shakes; `on_progress` hears of each better motion.
     """
     rng = np.random.default_rng(seed)
     scale, stages, done = length_scale(ocp), best.stages, 0
@@ -71,8 +71,8 @@ def basin_hopping(
         if is_better(found, best):
             best = reweighted(ocp, replace(found, stages=()), backend, budget=budget, exact_cones=exact_cones)
             stages += best.stages
-            if told is not None:
-                told(best)
+            if on_progress is not None:
+                on_progress(best)
     return replace(best, stages=stages)
 
 
@@ -91,7 +91,7 @@ def reweighted(ocp: OCP, best: SCPResult, backend: Backend, *, budget: Budget, e
             if best.complete:
                 break
         position, _velocity = ocp.motion(best.x)
-        left = still_owed(position, ocp.cell, ocp.fleet.radius, ocp.weight) > 0.0
+        left = remaining_weight(position, ocp.cell, ocp.fleet.radius, ocp.weight) > 0.0
         weight = np.where(left, _KICK * weight, weight)
         pushed = optimise(
             replace(ocp, weight=weight),

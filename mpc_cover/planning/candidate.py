@@ -50,7 +50,7 @@ class Candidate:
         return self.kind is GuessKind.REST and self.cost > 0.0
 
     @property
-    def exposed(self) -> bool:
+    def violates_passive_safety(self) -> bool:
         """Whether someone has no room to stop for one who stops without warning."""
         return self.braking_violation > BRAKING_TOLERANCE
 
@@ -62,12 +62,12 @@ class Candidate:
     @property
     def complete(self) -> bool:
         """Whether everything is covered, feasibly, and with room to stop."""
-        return self.covers and not self.exposed
+        return self.covers and not self.violates_passive_safety
 
     @property
     def rank(self) -> tuple[bool, bool, bool, int, float]:
         """Feasible before covering all before room to stop before short; what leaves something, by what it leaves."""
-        last = (self.exposed, self.plan.steps) if self.covers else (False, 0)
+        last = (self.violates_passive_safety, self.plan.steps) if self.covers else (False, 0)
         return not self.feasible, self.cost > 0.0, *last, merit(self.cost, self.braking_violation)
 
 
@@ -78,20 +78,20 @@ def candidate_of(task: Task, steps: int, refined: SCPResult, origin: Origin) -> 
     return Candidate(plan, refined.cost, refined.feasible, origin, refined, refined.braking_violation)
 
 
-def as_flown(task: Task, guess: Guess, steps: int | None = None) -> Candidate:
+def evaluate_guess(task: Task, guess: Guess, steps: int | None = None) -> Candidate:
     """Return the candidate of a guess as it flies, in so many steps or as many as it takes."""
     motion = task.flown(guess, steps)
     ocp = task.ocp(motion.steps)
     return candidate_of(task, motion.steps, evaluate(ocp, ocp.decision_of(motion)), guess.origin)
 
 
-def as_moved(task: Task, position: FloatArray, velocity: FloatArray, origin: Origin) -> Candidate:
+def evaluate_motion(task: Task, position: FloatArray, velocity: FloatArray, origin: Origin) -> Candidate:
     """Return the candidate of velocities (N+1, m, d) [m/s] from a (m, d) `position` [m], as they stand."""
     ocp = task.ocp(velocity.shape[0] - 1)
     return candidate_of(task, ocp.steps, evaluate(ocp, ocp.decision(position, velocity)), origin)
 
 
-def promise(candidate: Candidate, repair: float) -> float:
+def guess_priority(candidate: Candidate, repair: float) -> float:
     """Order guesses as they fly: what they take [s], longer by `repair` for each metre of violation, and leave."""
     plan = candidate.plan
     violation = candidate.refined.violation if candidate.refined is not None else 0.0

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class CoverageNLP:
-    """One window with its settings; satisfies `solvers.nlp.Convexifiable` and `LearnsFromSteps`."""
+    """One window with its settings; satisfies `solvers.nlp.Convexifiable` and `StepObserver`."""
 
     def __init__(self, ocp: OCP, settings: Settings) -> None:
         self.ocp = ocp

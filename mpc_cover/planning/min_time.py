@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.planning.budget import FLIGHT_S
-from mpc_cover.planning.candidate import Candidate, as_flown, as_moved, promise
+from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion, guess_priority
 from mpc_cover.planning.initial_guess.formation import FormationFlight
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
 from mpc_cover.planning.initial_guess.tour import tour_guess
@@ -62,9 +62,9 @@ def plan_free_horizon(
     search = search or Search()
     found = _flights(task, search, budget)
     work, least = _work(task, found), min(candidate.plan.steps for candidate in found)
-    found.append(as_flown(task, rest_guess(task.position), task.least_steps))
+    found.append(evaluate_guess(task, rest_guess(task.position), task.least_steps))
     if work * task.fleet.size > _LARGE:
-        return _plan_large(task, backend, sorted(found, key=partial(promise, repair=_REPAIR)), budget)
+        return _plan_large(task, backend, sorted(found, key=partial(guess_priority, repair=_REPAIR)), budget)
     steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * least)
     shortest = 0
     for _ in range(attempts):
@@ -82,7 +82,7 @@ def plan_free_horizon(
         if shortest:
             steps = max(task.least_steps, (too_short + shortest) // 2)
         else:
-            left = float(task.owed_after(best.plan).astype(bool).mean())
+            left = float(task.remaining_after(best.plan).astype(bool).mean())
             steps += max(2, round(min(max(left, 0.06), 0.3) * steps))
         if steps in {too_short, shortest}:
             break
@@ -102,7 +102,7 @@ def _plan_large(task: Task, backend: Backend, flown: list[Candidate], budget: Bu
         until = budget.part(0.8 / (_TRIED - number))
         motion = (guess.plan.position, guess.plan.velocity)
         position, velocity = refine_segments(task, motion, backend, length=_STRETCH, passes=_PASSES, budget=until)
-        found.append(as_moved(task, position[0], velocity, guess.origin))
+        found.append(evaluate_motion(task, position[0], velocity, guess.origin))
         if found[-1].feasible:
             break
     found += [guess for guess in guesses if guess.feasible]
@@ -116,13 +116,14 @@ def plan_min_time(
     *,
     search: Search,
     budget: Budget,
-    told: Callable[[int, Candidate], None] | None = None,
+    on_progress: Callable[[int, Candidate], None] | None = None,
     failures: int | None = FAILURES,
 ) -> Candidate:
     """Return the shortest plan that covers everything which the search finds.
 
-    Goes down a sample at a time from a short plan, with more starts and hops each time one length fails. So many
-    `failures` in a row end it, None for as many as the budget allows; `told` hears of each length that was tried.
+    Starts from a short plan and removes one sample at a time, with more starts and hops after each length that fails.
+    The search ends after `failures` failed lengths in a row (None: when the budget is exhausted). `on_progress` is
+    called with each length tried and its best candidate.
     """
     best = plan_free_horizon(task, backend, search=replace(search, rounds=0), budget=budget)
     if not best.complete:
@@ -138,8 +139,8 @@ def plan_min_time(
         )
         steps = best.plan.steps - 1
         candidate = multistart(task, backend, steps, more, budget)[0]
-        if told is not None:
-            told(steps, candidate)
+        if on_progress is not None:
+            on_progress(steps, candidate)
         if candidate.complete:
             best, failed = candidate, 0
         else:
@@ -157,14 +158,14 @@ def _flights(task: Task, search: Search, budget: Budget) -> list[Candidate]:
     for guess in systematic_guesses(task)[:most]:
         if flights and enough.exhausted:
             break
-        flights.append(as_flown(task, guess))
+        flights.append(evaluate_guess(task, guess))
         budget.charge(FLIGHT_S * flights[-1].plan.steps)
     return flights
 
 
 def _work(task: Task, flights: list[Candidate]) -> int:
     """Return the samples of the shortest guess that measures nearly everything, or of the one that leaves least."""
-    left = [float((task.owed_after(flight.plan) > 0.0).mean()) for flight in flights]
+    left = [float((task.remaining_after(flight.plan) > 0.0).mean()) for flight in flights]
     enough = max(_SUFFICES, min(left))
     return min(flight.plan.steps for flight, rest in zip(flights, left, strict=True) if rest <= enough)
 
@@ -178,7 +179,7 @@ def _names(candidates: list[Candidate]) -> tuple[str, ...]:
 def _extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> Candidate:
     """Fly on to what the candidate leaves over, from its end at rest."""
     for _ in range(_EXTENSIONS):
-        weight = task.owed_after(candidate.plan)
+        weight = task.remaining_after(candidate.plan)
         if not (weight > 0.0).any():
             break
         end = candidate.plan
@@ -194,22 +195,22 @@ def _extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget
 
 def _flown_on(rest: Task, backend: Backend, budget: Budget) -> Candidate | None:
     """Return how to measure some more of what is left over, by a tour, or as one body; None if nothing does."""
-    more = as_flown(rest, tour_guess(rest.fleet, rest.cell, rest.weight, rest.position))
+    more = evaluate_guess(rest, tour_guess(rest.fleet, rest.cell, rest.weight, rest.position))
     if not more.feasible and not budget.exhausted:
         more = multistart(rest, backend, more.plan.steps, Search(starts=2, finalists=1), budget)[0]
     if _leads_on(rest, more):
         return more
-    together = (as_flown(rest, guess) for guess in FormationFlight(budget).guesses(rest))
+    together = (evaluate_guess(rest, guess) for guess in FormationFlight(budget).guesses(rest))
     return next((one for one in together if _leads_on(rest, one)), None)
 
 
 def _leads_on(rest: Task, more: Candidate) -> bool:
     """Return whether a plan is feasible and leaves less than there was."""
-    left = np.count_nonzero(rest.owed_after(more.plan))
+    left = np.count_nonzero(rest.remaining_after(more.plan))
     return more.feasible and bool(left < np.count_nonzero(rest.weight))
 
 
 def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:
     velocity = np.concatenate([first.plan.velocity, second.plan.velocity[1:]])
     origin = Origin(first.kind, f"{first.origin.name}, then {second.origin.name}")
-    return as_moved(task, first.plan.position[0], velocity, origin)
+    return evaluate_motion(task, first.plan.position[0], velocity, origin)

@@ -68,15 +68,15 @@ def multistart(
     steps: int,
     search: Search,
     budget: Budget,
-    told: Told | None = None,
+    on_progress: Told | None = None,
     given: Mapping[str, FloatArray] | None = None,
 ) -> list[Candidate]:
     """Return plans of exactly `steps` samples, the best first, from several starts; anytime.
 
-    The list holds what became of each start that was tried. `told` hears of the length and each better plan; `given`
-    are decision vectors of `task.ocp(steps)` by name, which are started from in place of guesses.
+    The list holds one candidate per start tried. `on_progress` is called with the length and each better plan. `given`
+    maps names to decision vectors of `task.ocp(steps)` that replace the initial guesses.
     """
-    tell = told or _nobody
+    tell = on_progress or _nobody
     ocp = task.ocp(steps)
     screening = budget.part(0.5)
     tried: list[tuple[Origin, FloatArray, SCPResult]] = []
@@ -155,7 +155,7 @@ def _hopped(
         seed=search.seed,
         budget=budget,
         exact_cones=exact,
-        told=lambda refined: tell(steps, candidate_of(task, steps, refined, best.origin)),
+        on_progress=lambda refined: tell(steps, candidate_of(task, steps, refined, best.origin)),
     )
     return candidate_of(task, steps, found, best.origin)
 

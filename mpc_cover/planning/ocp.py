@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.arrays import FloatArray, IntArray
-    from mpc_cover.constraints.boundary import Ends
+    from mpc_cover.constraints.boundary import BoundaryConditions
     from mpc_cover.coverage.majoriser import Softness
     from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.model.trajectory import Trajectory
@@ -64,7 +64,7 @@ class OCP:
     weight: FloatArray
     steps: int
     period: float
-    ends: Ends
+    ends: BoundaryConditions
     looks: IntArray | None = None
     on_iterate: Callable[[FloatArray], None] | None = None
 

@@ -59,11 +59,11 @@ class PlanOptions:
 
 
 def plan_mission(
-    mission: Mission, options: PlanOptions | None = None, told: Callable[[str], None] | None = None
+    mission: Mission, options: PlanOptions | None = None, on_progress: Callable[[str], None] | None = None
 ) -> Recording:
     """Return the best plan found, between the ends that the mission's `planning` asks for.
 
-    Deterministic without a time limit; `told` hears of the search. The result's meta says what it is worth.
+    Deterministic without a time limit; `on_progress` hears of the search. The result's meta says what it is worth.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def plan_mission(
     limit_s = options.time_limit_s
     budget = Budget.unlimited() if limit_s is None else Budget.wall_clock(limit_s)
     search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
-    tell = _teller(task.period, told)
+    tell = _teller(task.period, on_progress)
     if options.min_time:
         found = planner.shortest(task, search, budget, tell, failures=FAILURES if limit_s is None else None)
     else:
@@ -108,13 +108,13 @@ def offline_task(mission: Mission) -> Task:
     )
 
 
-def _teller(period: float, told: Callable[[str], None] | None) -> Callable[[int, Candidate], None] | None:
-    if told is None:
+def _teller(period: float, on_progress: Callable[[str], None] | None) -> Callable[[int, Candidate], None] | None:
+    if on_progress is None:
         return None
 
     def tell(steps: int, candidate: Candidate) -> None:
         outcome = "covers everything" if candidate.complete else f"J = {candidate.cost:.4g} m"
-        told(f"{steps * period:.4g} s: {outcome} ({candidate.origin.name})")
+        on_progress(f"{steps * period:.4g} s: {outcome} ({candidate.origin.name})")
 
     return tell
 

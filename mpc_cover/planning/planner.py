@@ -10,11 +10,11 @@ import numpy as np
 
 from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.errors import UserError
-from mpc_cover.planning.initial_guess.timed_sweeps import repaired, timed_sweeps
+from mpc_cover.planning.initial_guess.timed_sweeps import repair_sweeps, timed_sweeps
 from mpc_cover.planning.min_time import FAILURES, plan_free_horizon, plan_min_time
 from mpc_cover.planning.multistart import Search, multistart
 from mpc_cover.planning.scp import evaluate, optimise
-from mpc_cover.planning.task import gentle, needs_laps
+from mpc_cover.planning.task import multi_look_options, needs_laps
 from solvers.backends.registry import UnknownBackendError, make_backend
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class Planner:
         flown = timed_sweeps(task, None if thorough else _FEW_SWEEPS, budget.part(_FLOWN))
         if any(candidate.complete for candidate in flown):
             return flown
-        return [*flown, *repaired(task, flown, self._backend, _MENDED if thorough else 1, budget)]
+        return [*flown, *repair_sweeps(task, flown, self._backend, _MENDED if thorough else 1, budget)]
 
     def fixed(
         self,
@@ -79,23 +79,25 @@ class Planner:
         steps: int,
         search: Search,
         budget: Budget,
-        told: Callable[[int, Candidate], None] | None = None,
+        on_progress: Callable[[int, Candidate], None] | None = None,
         given: Mapping[str, FloatArray] | None = None,
     ) -> Candidate:
         """Plan exactly `steps` samples; see `multistart`."""
-        return multistart(task, self._backend, steps, search, budget, told, given)[0]
+        return multistart(task, self._backend, steps, search, budget, on_progress, given)[0]
 
     def shortest(
         self,
         task: Task,
         search: Search,
         budget: Budget,
-        told: Callable[[int, Candidate], None] | None = None,
+        on_progress: Callable[[int, Candidate], None] | None = None,
         *,
         failures: int | None = FAILURES,
     ) -> Candidate:
         """Plan everything that is owed in as few samples as the search finds; see `plan_min_time`."""
-        return plan_min_time(task, self._backend, search=search, budget=budget, told=told, failures=failures)
+        return plan_min_time(
+            task, self._backend, search=search, budget=budget, on_progress=on_progress, failures=failures
+        )
 
     def polish(self, ocp: OCP, x: FloatArray, iterations: int, budget: Budget) -> SCPResult:
         """Improve a motion that is already good by a few QPs: of many looks, by one around fewer samples."""
@@ -106,7 +108,7 @@ class Planner:
             sharpness=(_FLIGHT_SHARPNESS,),
             iterations=1 if needs_laps(ocp.looks) else iterations,
             budget=budget,
-            **gentle(ocp.looks),
+            **multi_look_options(ocp.looks),
         )
 
     def evaluate(self, ocp: OCP, x: FloatArray) -> SCPResult:
@@ -118,7 +120,7 @@ class Planner:
         if task.fleet.reaction_periods == 0.0:
             return plan(task, budget=budget)
         roomy = plan(task, budget=budget.part(_CROWDED if self._crowded else _ROOMY))
-        left, owed = np.count_nonzero(task.owed_after(roomy.plan)), np.count_nonzero(task.weight)
+        left, owed = np.count_nonzero(task.remaining_after(roomy.plan)), np.count_nonzero(task.weight)
         self._crowded = not roomy.feasible or bool(left > _WORTH * owed)
         if not self._crowded or budget.exhausted:
             return roomy

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.boundary import Ends
-from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.constraints.boundary import BoundaryConditions
+from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.ocp import OCP
 from mpc_cover.planning.scp import evaluate, optimise
-from mpc_cover.planning.task import gentle
+from mpc_cover.planning.task import multi_look_options
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,12 +50,12 @@ def refine_segments(
     length: int,
     passes: int,
     budget: Budget,
-    told: Callable[[int], None] | None = None,
+    on_progress: Callable[[int], None] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return a motion (positions [m], velocities [m/s]) that covers no less, repaired and shortened where it can be.
 
     Stretches of `length` samples are taken one after another, each beginning in the middle of the one before,
-    `passes` times or until a pass gains nothing. `told` hears of the
+    `passes` times or until a pass gains nothing. `on_progress` hears of the
     length after each stretch.
     """
     position, velocity = motion
@@ -67,8 +67,8 @@ def refine_segments(
             end = min(begin + length, velocity.shape[0] - 1)
             position, velocity = _stretch(task, (position, velocity), backend, begin, end, budget)
             begin += length // 2
-            if told is not None:
-                told(velocity.shape[0] - 1)
+            if on_progress is not None:
+                on_progress(velocity.shape[0] - 1)
         if velocity.shape[0] == before:
             break
     return position, velocity
@@ -90,7 +90,7 @@ def _stretch(
         ocp = _ocp(task, motion, owed, begin, end, count)
         x = ocp.exact_ends(ocp.decision(position[begin], resampled(velocity[begin : end + 1], count)))
         found = optimise(
-            ocp, x, backend, sharpness=_STAGES, iterations=_ITERATIONS, budget=budget, **gentle(task.looks)
+            ocp, x, backend, sharpness=_STAGES, iterations=_ITERATIONS, budget=budget, **multi_look_options(task.looks)
         )
         if _better(found, now, longer=count > steps):
             joined = np.concatenate([velocity[:begin], ocp.motion(found.x)[1], velocity[end + 1 :]])
@@ -118,7 +118,7 @@ def _ocp(
 ) -> OCP:
     (position, velocity), (weight, looks) = motion, owed
     last = end == velocity.shape[0] - 1
-    ends = Ends(position[begin], velocity[begin], None if last else position[end], velocity[end])
+    ends = BoundaryConditions(position[begin], velocity[begin], None if last else position[end], velocity[end])
     return OCP(task.fleet, task.cell, weight, steps, task.period, ends, looks)
 
 
@@ -126,6 +126,6 @@ def _left_by_others(task: Task, position: FloatArray, begin: int, end: int) -> t
     """Return weights and looks (J, K) of what only the samples inside a stretch bring, or nothing does."""
     others = np.concatenate([position[: begin + 1], position[end:]])
     if task.looks is None:
-        return still_owed(others, task.cell, task.fleet.radius, task.weight), None
+        return remaining_weight(others, task.cell, task.fleet.radius, task.weight), None
     looks = np.maximum(task.looks - look_counts(others, task.cell, task.fleet.radius), 0)
     return np.where(looks > 0, task.weight, 0.0), looks

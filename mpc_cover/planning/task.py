@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpc_cover.constraints.boundary import Ends
-from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.constraints.boundary import BoundaryConditions
+from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 from mpc_cover.planning.ocp import OCP
@@ -35,16 +35,16 @@ class End(StrEnum):
     """In the state of the start."""
 
 
-AT_ONCE = 3
+LOOKS_PER_LAP = 3
 """Looks at a cell that fast passes bring in one lap: with four agents planning takes twice as long for each more."""
 
 
 def needs_laps(looks: IntArray | None) -> bool:
     """Return whether so many looks (J, K) are owed that plans which pass by as fast as they can need several laps."""
-    return looks is not None and int(looks.max(initial=0)) > AT_ONCE
+    return looks is not None and int(looks.max(initial=0)) > LOOKS_PER_LAP
 
 
-def gentle(looks: IntArray | None) -> dict[str, Any]:
+def multi_look_options(looks: IntArray | None) -> dict[str, Any]:
     """Return how far a QP may move samples, and how many of them share a look: those of many looks are dense."""
     return {"region": 0.25, "count": 3} if needs_laps(looks) else {"region": 0.5}
 
@@ -89,7 +89,7 @@ class Task:
 
     def ocp(self, steps: int) -> OCP:
         """Return the stretch of `steps` samples with the ends that are asked for."""
-        ends = Ends(
+        ends = BoundaryConditions(
             start_position=None if self.start_free else self.position,
             start_velocity=None if self.start_free else self.velocity,
             end_position=self.goal if self.end is End.FIXED else None,
@@ -98,12 +98,12 @@ class Task:
         )
         return OCP(self.fleet, self.cell, self.weight, steps, self.period, ends, self.looks, self.on_iterate)
 
-    def owed_after(self, plan: Trajectory) -> FloatArray:
+    def remaining_after(self, plan: Trajectory) -> FloatArray:
         """Return the weights (J, K) of what a plan's samples leave over; of several looks owed, all are to be taken."""
         if self.looks is not None:
             enough = look_counts(plan.position, self.cell, self.fleet.radius) >= self.looks
             return np.where(enough, 0.0, self.weight)
-        return still_owed(plan.position, self.cell, self.fleet.radius, self.weight)
+        return remaining_weight(plan.position, self.cell, self.fleet.radius, self.weight)
 
     def flown(self, guess: Guess, steps: int | None) -> Trajectory:
         """Fly a guess from the start, or from where it begins if that is free, to the end that is asked for.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 import numpy as np
 
-from solvers.backends.judgement import JUDGED, RawSolution, judge
+from solvers.backends.acceptance import OVERRULABLE, RawSolution, accepted_status
 from solvers.backends.options import Options
 from solvers.checks import (
     InvalidQPError,
@@ -142,7 +142,7 @@ class Backend(ABC):
             check_bounds(qp.l if l is None else l, qp.u if u is None else u, qp.m)
         for name, values in new.items():
             np.copyto(current[name], values)
-        qp.open_up()
+        qp.normalise_bounds()
         if self._ready and new:
             # False: the change does not fit the native pattern; the next solve sets up anew
             self._ready = self._attempt(lambda: self._update(qp, frozenset(new))) is True
@@ -228,10 +228,10 @@ class Backend(ABC):
     def _judge(self, qp: QP, raw: RawSolution, setup_time_s: float, solve_time_s: float) -> QPSolution:
         """Decide the status by the residuals on the current data."""
         residuals = kkt_residuals(qp, raw.x, raw.y, raw.cone_dual)
-        status = judge(raw, residuals, self._options.acceptance)
+        status = accepted_status(raw, residuals, self._options.acceptance)
         if status in {Status.NUMERICAL_ERROR, Status.NON_CONVEX}:
             self._forget()
-        elif status in JUDGED:
+        elif status in OVERRULABLE:
             self._start = (raw.x, raw.y)
         return QPSolution(
             raw.x, raw.y, status, residuals, raw.iterations, setup_time_s, solve_time_s, raw.cone_dual, raw.detail

@@ -7,7 +7,7 @@ from closed_loop import PERIOD, small_mission
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpc_cover.control.horizon import ended_at_rest, horizon_ocp, resolved_steps, spliced
+from mpc_cover.control.horizon import ended_at_rest, horizon_ocp, optimised_steps, spliced
 from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.verification.motion import verify_motion
@@ -46,7 +46,7 @@ def test_beginnings_end_at_rest_within_the_horizon_the_longest_first(seed, steps
 def test_what_is_resolved_leaves_time_to_brake_unless_the_plan_ends_within_the_horizon(seed, steps, horizon):
     mission = small_mission(horizon)
     plan, fleet = random_plan(mission, seed, steps), FleetConstraints.of(mission.fleet)
-    resolved = resolved_steps(plan, fleet, horizon)
+    resolved = optimised_steps(plan, fleet, horizon)
     assert resolved == (steps if steps <= horizon else max(1, horizon - 2))  # 1.5 m/s at 1.5 m/s^2 takes 1 s
     assert any(True for _ in ended_at_rest(plan, fleet, horizon))
 

@@ -285,7 +285,7 @@ def steps_after_losing(index):
 
 def test_they_meet_and_then_stop():
     fleet, position, told = steps_after_losing(1)
-    assert told[0] == "meets again"
+    assert told[0] == "rendezvous"
     assert told[-1] == "all is covered"
     assert not out_of_range(position, fleet)
     np.testing.assert_allclose(position[1], START[1])
@@ -310,8 +310,8 @@ def test_those_who_cannot_stop_in_time_meet_before_they_go_on():
         proposal, state = go_on(law, state, coverage)
         told.append(proposal.reason)
         length.append(float(np.linalg.norm(state.position[2] - state.position[0])))
-    assert told[0] == "meets again"
+    assert told[0] == "rendezvous"
     met = next(n for n, value in enumerate(length) if value <= 2.5)
     assert max(length[met:]) <= 2.5 + 1e-6
     assert max(length) < 2.6
-    assert told[-1] != "meets again"
+    assert told[-1] != "rendezvous"

@@ -42,7 +42,9 @@ def test_hops_are_never_worse_feasible_and_reproducible(seed):
     best = optimise(ocp, x, backend, budget=UNLIMITED)
     heard, bounds = [], {"rounds": 3, "budget": UNLIMITED}
     runs = [
-        basin_hopping(ocp, best, backend, **bounds, guesses=[x], seed=seed, told=lambda found: heard.append(found.cost))
+        basin_hopping(
+            ocp, best, backend, **bounds, guesses=[x], seed=seed, on_progress=lambda found: heard.append(found.cost)
+        )
         for _ in range(2)
     ]
     np.testing.assert_array_equal(runs[0].x, runs[1].x)

@@ -10,7 +10,7 @@ from flights import fleet_of
 from motions import EXHAUSTED, PERIOD, UNLIMITED, grid
 
 from mpc_cover.mission.load import load_mission
-from mpc_cover.planning.candidate import as_flown
+from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.guess import GuessKind
 from mpc_cover.planning.min_time import plan_free_horizon, plan_min_time
 from mpc_cover.planning.multistart import Search
@@ -58,9 +58,9 @@ def test_a_thorough_search_compares_every_kind_of_guess_in_the_plane_and_in_spac
 
     def seen(task, guess, steps=None):
         flown.add(guess.origin.kind)
-        return as_flown(task, guess, steps)
+        return evaluate_guess(task, guess, steps)
 
-    monkeypatch.setattr("mpc_cover.planning.min_time.as_flown", seen)
+    monkeypatch.setattr("mpc_cover.planning.min_time.evaluate_guess", seen)
     plan_free_horizon(offline_task(load_mission(name)), make_backend("piqp"), attempts=0, budget=UNLIMITED)
     assert flown >= {GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST}
 
@@ -102,7 +102,7 @@ def test_the_shortest_plan_is_complete_and_one_sample_less_was_tried():
         make_backend("piqp"),
         search=Search(starts=4, finalists=1),
         budget=UNLIMITED,
-        told=lambda n, c: told.append((n, c.complete)),
+        on_progress=lambda n, c: told.append((n, c.complete)),
         failures=1,
     )
     assert found.complete

@@ -13,6 +13,7 @@ from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
 from mpc_cover.planning.initial_guess.lanes import (
     Swath,
     assign,
+    assign_pieces,
     comb,
     cut_lanes,
     cut_snake,
@@ -20,7 +21,6 @@ from mpc_cover.planning.initial_guess.lanes import (
     snake,
     strips,
     swath_of,
-    take_pieces,
 )
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def sweep_guesses(
 
             def snakes(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
                 pieces = cut_snake(cut_lanes(team.left, team.swath, a), team.speed, mirrored=m, upward=u)
-                return take_pieces(pieces, position[team.agents], team.speed, one_way=slow)
+                return assign_pieces(pieces, position[team.agents], team.speed, one_way=slow)
 
             def combs(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
                 return comb(_even_lanes(team, a), position[team.agents], mirrored=m, upward=u)

@@ -132,7 +132,7 @@ def cut_snake(lanes: Sequence[Lane], share: FloatArray, *, mirrored: bool, upwar
     return pieces
 
 
-def take_pieces(
+def assign_pieces(
     pieces: Sequence[FloatArray], start: FloatArray, speed: FloatArray, *, one_way: bool = False
 ) -> list[FloatArray]:
     """Return for each of the (m, d) starts the piece it flies, in the better direction, so that all end early.

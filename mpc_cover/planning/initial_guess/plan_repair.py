@@ -50,7 +50,7 @@ def _flown(task: Task, old: Trajectory, fleet: FleetConstraints) -> Trajectory:
     tracked = replace(task, fleet=fleet)
     origin = Origin(GuessKind.REPAIR, "as before")
     motion = tracked.flown(Guess(origin, paths), None)
-    left = task.owed_after(motion)
+    left = task.remaining_after(motion)
     if not (left > 0.0).any():
         return motion
     tour = tour_guess(task.fleet, task.cell, left, motion.position[-1])

@@ -15,7 +15,7 @@ import numpy as np
 
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.budget import FLIGHT_S
-from mpc_cover.planning.candidate import as_flown, as_moved, promise
+from mpc_cover.planning.candidate import evaluate_guess, evaluate_motion, guess_priority
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.dwell_time_lp import solve_dwell_times, timed_samples
 from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
@@ -77,7 +77,7 @@ def timed_sweeps(task: Task, most: int | None, budget: Budget) -> list[Candidate
     """Return what up to `most` timed sweeps come to (None: all), judged; one at the least, whatever the budget."""
     found: list[Candidate] = []
     for guess in TimedSweeps(most).guesses(task):
-        found.append(as_flown(task, guess))
+        found.append(evaluate_guess(task, guess))
         budget.charge(FLIGHT_S * found[-1].plan.steps)
         if budget.exhausted:
             break
@@ -88,10 +88,10 @@ def _length(path: FloatArray) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
-def repaired(task: Task, flown: list[Candidate], backend: Backend, most: int, budget: Budget) -> list[Candidate]:
+def repair_sweeps(task: Task, flown: list[Candidate], backend: Backend, most: int, budget: Budget) -> list[Candidate]:
     """Return what becomes of the `most` promising of some plans when they are repaired and shortened by the SQP."""
     found: list[Candidate] = []
-    for guess in sorted(flown, key=partial(promise, repair=_REPAIR))[:most]:
+    for guess in sorted(flown, key=partial(guess_priority, repair=_REPAIR))[:most]:
         if budget.exhausted or guess.plan.position.size * task.cell.shape[0] > _MENDABLE:
             break
         found.append(_mended(task, guess, backend, budget))
@@ -109,9 +109,9 @@ def _mended(task: Task, guess: Candidate, backend: Backend, budget: Budget) -> C
         position, velocity = refine_segments(
             heavier, (position, velocity), backend, length=_STRETCH, passes=1, budget=budget
         )
-        candidate = as_moved(task, position[0], velocity, guess.origin)
+        candidate = evaluate_motion(task, position[0], velocity, guess.origin)
         best = min(best, candidate, key=lambda one: one.rank)
-        weight = np.where(task.owed_after(candidate.plan) > 0.0, _KICK * weight, weight)
+        weight = np.where(task.remaining_after(candidate.plan) > 0.0, _KICK * weight, weight)
     return best
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motions import EXHAUSTED, PERIOD, UNLIMITED, grid
 
-from mpc_cover.planning.candidate import as_flown
+from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.formation import formation_flight
 from mpc_cover.planning.initial_guess.guess import GuessKind, rest_guess
 from mpc_cover.planning.min_time import plan_free_horizon
@@ -118,7 +118,7 @@ def test_a_crowd_that_no_qp_sorts_out_moves_all_the_same(monkeypatch):
 
     def in_vain(task, backend, steps, *_):
         still = rest_guess(task.position)
-        return [as_flown(task, still, steps)]
+        return [evaluate_guess(task, still, steps)]
 
     monkeypatch.setattr("mpc_cover.planning.min_time.multistart", in_vain)
     found = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1), budget=UNLIMITED)

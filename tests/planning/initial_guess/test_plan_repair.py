@@ -8,10 +8,10 @@ import numpy as np
 from closed_loop import PERIOD, small_mission
 from motions import UNLIMITED
 
-from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.model.constraint_tightening import slowed, without_lost
 from mpc_cover.model.fleet_constraints import FleetConstraints
-from mpc_cover.planning.candidate import as_flown
+from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.guess import GuessKind
 from mpc_cover.planning.initial_guess.plan_repair import PlanRepair
 from mpc_cover.planning.planner import Planner
@@ -30,7 +30,7 @@ def planned(mission):
 
 def repaired_plan(task, old):
     """Return the better of the repairs of an old plan."""
-    return min((as_flown(task, guess) for guess in PlanRepair().guesses(task, old)), key=lambda one: one.rank)
+    return min((evaluate_guess(task, guess) for guess in PlanRepair().guesses(task, old)), key=lambda one: one.rank)
 
 
 def rest_of(task, plan, done, fleet):
@@ -56,7 +56,7 @@ def test_what_the_lost_leave_over_is_flown_to_in_the_end():
     found = repaired_plan(begun, plan)
     alone = plan.position[4:].copy()
     alone[:, 0] = alone[:1, 0]
-    without_tour = still_owed(alone, task.cell, fleet.radius, task.weight) > 0.0
-    assert (begun.owed_after(found.plan) > 0.0).sum() < 0.1 * without_tour.sum()
+    without_tour = remaining_weight(alone, task.cell, fleet.radius, task.weight) > 0.0
+    assert (begun.remaining_after(found.plan) > 0.0).sum() < 0.1 * without_tour.sum()
     assert not found.plan.velocity[:, 0].any()
     np.testing.assert_array_equal(found.plan.position[:, 0], np.tile(plan.position[4, 0], (found.plan.steps + 1, 1)))

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(eq=False)
-class Reference:
+class CvxpySubproblem:
     """The subproblem around an iterate, as CVXPY expressions.
 
     Attributes
@@ -55,7 +55,9 @@ class Reference:
         return float(self.problem().solve(solver=solver, **options))
 
 
-def build_reference(ocp: OCP, settings: Settings, required: Requirements, x: FloatArray, radius: float) -> Reference:
+def build_cvxpy_subproblem(
+    ocp: OCP, settings: Settings, required: Requirements, x: FloatArray, radius: float
+) -> CvxpySubproblem:
     """Write down the convex subproblem around the decision vector `x`; arguments as in `build_subproblem`."""
     bar_q, bar_v = ocp.motion(x)
     shape = ocp.fleet.start.shape
@@ -68,7 +70,7 @@ def build_reference(ocp: OCP, settings: Settings, required: Requirements, x: Flo
         constraints += [q == position[-1] + step * velocity[-1] + 0.5 * step**2 * u, v == velocity[-1] + step * u]
         position.append(q)
         velocity.append(v)
-    found = Reference(position, velocity, force, [], constraints)
+    found = CvxpySubproblem(position, velocity, force, [], constraints)
     _add_limits(found, ocp, settings, bar_v)
     _add_bounds(found, ocp, bar_q, radius)
     _add_coverage(found, ocp, settings, bar_q, radius)
@@ -80,7 +82,7 @@ def build_reference(ocp: OCP, settings: Settings, required: Requirements, x: Flo
     return found
 
 
-def _add_limits(found: Reference, ocp: OCP, settings: Settings, bar_v: FloatArray) -> None:
+def _add_limits(found: CvxpySubproblem, ocp: OCP, settings: Settings, bar_v: FloatArray) -> None:
     """Add polytopes inside the discs of speed and input (4.13, 4.14)."""
     facets = inscribed(ocp.fleet.dimension, settings.sides)
     share = settings.margins.limit_share * (1.0 if settings.exact_cones else facets.shrink)
@@ -97,7 +99,7 @@ def _add_limits(found: Reference, ocp: OCP, settings: Settings, bar_v: FloatArra
             found.constraints.append(cp.abs(force @ u[i]) <= share * ocp.fleet.input_max[i])
 
 
-def _add_bounds(found: Reference, ocp: OCP, bar_q: FloatArray, radius: float) -> None:
+def _add_bounds(found: CvxpySubproblem, ocp: OCP, bar_q: FloatArray, radius: float) -> None:
     """Add the motion box (4.15, 4.16), the trust region and the end (4.17)."""
     fleet, ends = ocp.fleet, ocp.ends
     between = (fleet.input_max * ocp.period**2 / 8.0)[:, None]  # what a path may leave its chord by
@@ -118,7 +120,7 @@ def _add_bounds(found: Reference, ocp: OCP, bar_q: FloatArray, radius: float) ->
         found.constraints += [found.position[-1] == found.position[0], found.velocity[-1] == found.velocity[0]]
 
 
-def _add_coverage(found: Reference, ocp: OCP, settings: Settings, bar_q: FloatArray, radius: float) -> None:
+def _add_coverage(found: CvxpySubproblem, ocp: OCP, settings: Settings, bar_q: FloatArray, radius: float) -> None:
     """Add sum gamma pos(level + sum slope . (q - qbar)), and the curvature of the terms above zero."""
     majoriser = build_majoriser(bar_q, ocp.cell, ocp.fleet.radius, ocp.weight, settings.softness, ocp.looks)
     agents, dimension = ocp.fleet.start.shape
@@ -139,7 +141,7 @@ def _add_coverage(found: Reference, ocp: OCP, settings: Settings, bar_q: FloatAr
 
 
 def _add_pairs(
-    found: Reference,
+    found: CvxpySubproblem,
     ocp: OCP,
     settings: Settings,
     required: Requirements,
@@ -170,7 +172,7 @@ def _add_pairs(
 
 
 def _add_room_to_stop(
-    found: Reference, ocp: OCP, settings: Settings, motion: tuple[FloatArray, FloatArray], radius: float
+    found: CvxpySubproblem, ocp: OCP, settings: Settings, motion: tuple[FloatArray, FloatArray], radius: float
 ) -> None:
     """Add elastic half-spaces for those who may have to brake: clear of one another, and inside the box."""
     fleet, layout = ocp.fleet, Layout(ocp.steps, *ocp.fleet.start.shape)
@@ -183,7 +185,7 @@ def _add_room_to_stop(
     _add_elastic(found, box_overshoot_rows(layout, *motion, fleet, reach, ocp.first), settings.penalty)
 
 
-def _add_elastic(found: Reference, rows: Rows, penalty: float) -> None:
+def _add_elastic(found: CvxpySubproblem, rows: Rows, penalty: float) -> None:
     """Charge each group of rows that shares a slack for the largest excess among them."""
     if rows.count == 0 or rows.elastic is None:
         return

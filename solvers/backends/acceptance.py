@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from solvers.residuals import Residuals, Tolerances
 
-JUDGED = frozenset(
+OVERRULABLE = frozenset(
     {
         Status.SOLVED,
         Status.INACCURATE,
@@ -39,9 +39,9 @@ class RawSolution:
     cone_dual: NDArray[np.float64] | None = None
 
 
-def judge(raw: RawSolution, residuals: Residuals, acceptance: Tolerances) -> Status:
+def accepted_status(raw: RawSolution, residuals: Residuals, acceptance: Tolerances) -> Status:
     """Return the status that the residuals of a raw solution warrant."""
-    if raw.status not in JUDGED:
+    if raw.status not in OVERRULABLE:
         return raw.status
     if not (np.isfinite(raw.x).all() and np.isfinite(raw.y).all()):
         return Status.NUMERICAL_ERROR
