@@ -1,7 +1,7 @@
-"""The same subproblem once more in CVXPY, in the open: the reference formulation.
+"""The convex subproblem in CVXPY: the reference formulation of `subproblem`.
 
-Tests hold the hand-assembled QP against it. A researcher can append terms to `terms` or constraints to
-`constraints` and solve with any CVXPY solver. It canonicalises, so no control loop ever calls it.
+Tests compare the hand-assembled QP with it. A researcher can append terms to `terms` or constraints to
+`constraints` and solve with any CVXPY solver. Canonicalisation makes it too slow for a control loop.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class CvxpySubproblem:
     constraints: list[Any]
 
     def problem(self) -> Any:
-        """Return the problem as it stands, appended terms and constraints included."""
+        """Return the CVXPY problem, appended terms and constraints included."""
         return cp.Problem(cp.Minimize(sum(self.terms)), self.constraints)
 
     def solve(self, solver: str = "CLARABEL", **options: Any) -> float:
@@ -58,7 +58,7 @@ class CvxpySubproblem:
 def build_cvxpy_subproblem(
     ocp: OCP, settings: Settings, required: Requirements, x: FloatArray, radius: float
 ) -> CvxpySubproblem:
-    """Write down the convex subproblem around the decision vector `x`; arguments as in `build_subproblem`."""
+    """Return the convex subproblem around the decision vector `x`; arguments as in `subproblem.build_subproblem`."""
     bar_q, bar_v = ocp.motion(x)
     shape = ocp.fleet.start.shape
     force = [cp.Variable(shape) for _ in range(ocp.steps)]
@@ -75,7 +75,7 @@ def build_cvxpy_subproblem(
     _add_bounds(found, ocp, bar_q, radius)
     _add_coverage(found, ocp, settings, bar_q, radius)
     _add_pairs(found, ocp, settings, required, (bar_q, bar_v), radius)
-    _add_room_to_stop(found, ocp, settings, (bar_q, bar_v), radius)
+    _add_passive_safety(found, ocp, settings, (bar_q, bar_v), radius)
     for bar, now in ((bar_q, position), (bar_v, velocity)):
         change = cp.vstack([now[n] - bar[n] for n in range(ocp.steps + 1)])
         found.terms.append(0.5 * settings.proximal * cp.sum_squares(change))
@@ -83,7 +83,7 @@ def build_cvxpy_subproblem(
 
 
 def _add_limits(found: CvxpySubproblem, ocp: OCP, settings: Settings, bar_v: FloatArray) -> None:
-    """Add polytopes inside the discs of speed and input (4.13, 4.14)."""
+    """Add speed and input limits (4.13, 4.14), as polytopes inscribed in their discs or as cones."""
     facets = inscribed(ocp.fleet.dimension, settings.sides)
     share = settings.margins.limit_share * (1.0 if settings.exact_cones else facets.shrink)
     for i in range(ocp.fleet.size):
@@ -100,9 +100,9 @@ def _add_limits(found: CvxpySubproblem, ocp: OCP, settings: Settings, bar_v: Flo
 
 
 def _add_bounds(found: CvxpySubproblem, ocp: OCP, bar_q: FloatArray, radius: float) -> None:
-    """Add the motion box (4.15, 4.16), the trust region and the end (4.17)."""
+    """Add the motion box (4.15, 4.16), the trust region and the boundary conditions (4.17)."""
     fleet, ends = ocp.fleet, ocp.ends
-    between = (fleet.input_max * ocp.period**2 / 8.0)[:, None]  # what a path may leave its chord by
+    between = (fleet.input_max * ocp.period**2 / 8.0)[:, None]  # deviation of a path from its chord
     given = {0: ends.start_position, ocp.steps: ends.end_position}
     for n in range(ocp.steps + 1):
         if given.get(n) is not None:
@@ -171,22 +171,22 @@ def _add_pairs(
         _add_elastic(found, rows, settings.penalty)
 
 
-def _add_room_to_stop(
+def _add_passive_safety(
     found: CvxpySubproblem, ocp: OCP, settings: Settings, motion: tuple[FloatArray, FloatArray], radius: float
 ) -> None:
-    """Add elastic half-spaces for those who may have to brake: clear of one another, and inside the box."""
+    """Add elastic half-spaces of passive safety: braking agents are not hit and stay inside the box."""
     fleet, layout = ocp.fleet, Layout(ocp.steps, *ocp.fleet.start.shape)
     if fleet.reaction_periods == 0:
         return
     reach = min(2.0 * radius, settings.stop_reach)
     for moment in stop_instants(fleet.reaction_periods):
-        met = braking_encounters(*motion, ocp.period, fleet, moment, reach)
-        _add_elastic(found, passive_safety_rows(layout, *motion, ocp.period, fleet, met), settings.penalty)
+        encounters = braking_encounters(*motion, ocp.period, fleet, moment, reach)
+        _add_elastic(found, passive_safety_rows(layout, *motion, ocp.period, fleet, encounters), settings.penalty)
     _add_elastic(found, box_overshoot_rows(layout, *motion, fleet, reach, ocp.first), settings.penalty)
 
 
 def _add_elastic(found: CvxpySubproblem, rows: Rows, penalty: float) -> None:
-    """Charge each group of rows that shares a slack for the largest excess among them."""
+    """Add rows with an l1 penalty: rows that share a slack are penalised by the largest violation among them."""
     if rows.count == 0 or rows.elastic is None:
         return
     stacked = cp.hstack([cp.vec(part, order="C") for part in (*found.position, *found.velocity)])
