@@ -111,7 +111,7 @@ def _lane(cell: FloatArray, swath: Swath, axis: int, others: Sequence[int]) -> L
 
 
 def snake(lanes: Sequence[Lane], start: FloatArray) -> FloatArray:
-    """Return (W, d) waypoints [m] along all lanes in alternating directions, from the corner nearest to `start` (d,)."""
+    """Return (W, d) waypoints [m] along all lanes in alternating directions, from the corner nearest `start` (d,)."""
     best: FloatArray | None = None
     for ordered in (list(lanes), list(reversed(lanes))):
         for upward in (True, False):
