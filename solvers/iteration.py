@@ -162,7 +162,7 @@ class Iteration:
         return None
 
     def _try(self, candidate: _Candidate) -> tuple[Outcome | None, bool]:
-        """Accept the candidate, a shorter step or none; return an outcome that ends the run, or None, and if it moved."""
+        """Accept the candidate, a shorter step or none; return an outcome if it ends the run, and whether it moved."""
         if self._negligible(candidate.predicted):
             return self._stationary(candidate, Outcome.CONVERGED)
         if candidate.step <= self._options.smallest_step:
