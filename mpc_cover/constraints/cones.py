@@ -29,7 +29,7 @@ class Cones:
     ----------
     bound : (C,) the constant of t [in the unit of w].
     plus, minus : (C,) first columns of the vectors whose difference is w; `minus` is -1 where there is none.
-    slack : (C,) number of the slack that is added to t, counted from 0; -1 where there is none.
+    slack : (C,) index of the slack that is added to t, from 0; -1 where there is none.
     """
 
     bound: FloatArray

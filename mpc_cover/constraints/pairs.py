@@ -53,17 +53,17 @@ class PairDistances:
 def pair_distances(position: FloatArray, velocity: FloatArray, period: float) -> PairDistances:
     """Return the distances of all pairs of a motion (N+1, m, d) [m], [m/s] under a zero-order hold of `period` [s]."""
     first, second = all_pairs(position.shape[1])
-    apart = position[:, first] - position[:, second]
-    sampled = _length(apart)
+    difference = position[:, first] - position[:, second]
+    sampled = _length(difference)
     least = np.minimum(sampled[:-1], sampled[1:])
     most = np.maximum(sampled[:-1], sampled[1:])
     relative = velocity[:, first] - velocity[:, second]
     bend = 0.5 * period * np.diff(relative, axis=0)  # T^2/2 (u_i - u_j)
     for part in WITHIN:
-        inside = _length(apart[:-1] + (part * period) * relative[:-1] + part**2 * bend)
+        inside = _length(difference[:-1] + (part * period) * relative[:-1] + part**2 * bend)
         np.minimum(least, inside, out=least)
         np.maximum(most, inside, out=most)
-    return PairDistances(apart, sampled, least, most)
+    return PairDistances(difference, sampled, least, most)
 
 
 def elastic_pair_rows(

@@ -1,4 +1,4 @@
-"""Passive safety: no agent hits one that stops without warning, though it reacts only after a delay.
+"""Passive safety: an agent that stops without warning is not hit, although the others react only after a delay.
 
 The stopping agent ("stopper") brakes straight at its input limit. Each other agent ("follower") continues on the plan
 until the first plan that takes the stop into account begins, and can brake then. The two motions, for every agent and
@@ -48,7 +48,7 @@ class BrakingEncounters:
     moment : instant of stopping within a period, the same for all cases.
     sample, stopper, follower : (C,) indices.
     later : (C,) time from the stop to the closest approach [s].
-    apart : (C, d) position of the follower minus that of the stopper then [m].
+    offset : (C, d) position of the follower minus that of the stopper then [m].
     distance : (C,) its length [m].
     required : (C,) required distance [m].
     """
@@ -58,7 +58,7 @@ class BrakingEncounters:
     stopper: IntArray
     follower: IntArray
     later: FloatArray
-    apart: FloatArray
+    offset: FloatArray
     distance: FloatArray
     required: FloatArray
 
@@ -108,15 +108,15 @@ def braking_encounters(
     later = np.arange(count, dtype=np.float64) * (period / _INSTANTS)
     stopped = braking_position(place[sample, stopper], speed[sample, stopper], later, fleet.input_max[stopper])
     moved = _follower_position((position, velocity), sample, follower, later + part * period, period, fleet, lag)
-    apart = moved - stopped  # (G, C, d)
-    distance = np.linalg.norm(apart, axis=2)
+    offset = moved - stopped  # (G, C, d)
+    distance = np.linalg.norm(offset, axis=2)
     nearest, each = distance.argmin(axis=0), np.arange(sample.size)
     # a pair that is too near when the stop begins violates separation (4.18), not passive safety
     required, distance = np.minimum(required, distance[0]), distance[nearest, each]
     near = distance < required + reach
-    apart = apart[nearest, each][near]
+    offset = offset[nearest, each][near]
     pair, when = (stopper[near], follower[near]), later[nearest[near]]
-    return BrakingEncounters(moment, sample[near], *pair, when, apart, distance[near], required[near])
+    return BrakingEncounters(moment, sample[near], *pair, when, offset, distance[near], required[near])
 
 
 def braking_violations(
@@ -171,15 +171,15 @@ def passive_safety_rows(
     value = np.concatenate([slope for _, slope in parts], axis=1)
     iterate = np.concatenate([position.ravel(), velocity.ravel()])
     reached = np.einsum("ce,ce->c", value, iterate[column])
-    along = np.einsum("cd,cd->c", normal, found.apart)
+    along = np.einsum("cd,cd->c", normal, found.offset)
     return elastic_rows(column, -value, along - reached - found.required)
 
 
 def _directions(found: BrakingEncounters) -> FloatArray:
     """Return unit vectors (C, d) from stopper to follower at the closest approach; arbitrary where they coincide."""
-    arbitrary = np.eye(found.apart.shape[1])[0]
+    arbitrary = np.eye(found.offset.shape[1])[0]
     distance = found.distance[:, None]
-    return np.where(distance > NO_DIRECTION, found.apart / np.maximum(distance, NO_DIRECTION), arbitrary)
+    return np.where(distance > NO_DIRECTION, found.offset / np.maximum(distance, NO_DIRECTION), arbitrary)
 
 
 def _within(

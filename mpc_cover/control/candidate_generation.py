@@ -82,8 +82,8 @@ class CandidateGenerator:
     def _task(self, state: FleetState, coverage: FlownMap, *, single_pass: bool = False) -> Task:
         weight, looks = self._allocation.next(coverage, state, single_pass=single_pass)
         here = (state.position, state.velocity, state.time)
-        fleet, owed = self._constraints.planned, weight * self._constraints.reachable
-        return Task(fleet, self._cell, owed, *here, self._period, looks=looks)
+        fleet, demand = self._constraints.planned, weight * self._constraints.reachable
+        return Task(fleet, self._cell, demand, *here, self._period, looks=looks)
 
 
 def _repaired(task: Task, former: Trajectory) -> Candidate:

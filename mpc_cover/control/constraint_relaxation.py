@@ -90,16 +90,16 @@ class MotionBounds:
 
     def _mixed_separated(self, path: Path, other: Path) -> bool:
         """Return whether pairs keep their distance if one of them, or another agent, flies the `other` motion."""
-        fleet, asked = self.fleet, self.planned.separations
+        fleet, required = self.fleet, self.planned.separations
         first, second = path.pair
-        someone_else = len(fleet.active) > fleet.is_active[first].astype(int) + fleet.is_active[second]
-        neither = smallest_separations(path, (first[someone_else], second[someone_else]))
-        if not _far_enough(neither, asked[someone_else]):
+        a_third = len(fleet.active) > fleet.is_active[first].astype(int) + fleet.is_active[second]
+        neither = smallest_separations(path, (first[a_third], second[a_third]))
+        if not _far_enough(neither, required[a_third]):
             return False
         one, two = np.concatenate([first, second]), np.concatenate([second, first])
         flies = fleet.is_active[one]
         mixed = smallest_separations(path.beside(other), (fleet.size + one[flies], two[flies]))
-        return _far_enough(mixed, np.tile(asked, 2)[flies])
+        return _far_enough(mixed, np.tile(required, 2)[flies])
 
 
 def strict_bounds(fleet: FleetConstraints) -> MotionBounds:
@@ -173,8 +173,8 @@ def _exchanged(path: Path, other: Path, index: int) -> Path:
     return Path(path.time, *arrays)
 
 
-def _far_enough(least: FloatArray, asked: FloatArray) -> bool:
-    return bool((least >= asked - _ROUNDING).all())
+def _far_enough(least: FloatArray, required: FloatArray) -> bool:
+    return bool((least >= required - _ROUNDING).all())
 
 
 def _too_near(path: Path, fleet: FleetConstraints) -> dict[tuple[int, int], float]:

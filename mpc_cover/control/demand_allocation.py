@@ -46,14 +46,14 @@ class DemandAllocation:
         """
         if not single_pass:
             coverage.begin_lap(state.time, state.position)
-        owed = coverage.demand(state.time, state.position)
-        weight = owed.gamma * self._field.weight
-        if owed.looks is None or single_pass:
+        demand = coverage.demand(state.time, state.position)
+        weight = demand.gamma * self._field.weight
+        if demand.looks is None or single_pass:
             self._deferred = None
-            return weight, owed.looks
-        most = _LOOKS_PER_PASS if needs_laps(owed.looks) else LOOKS_PER_LAP
-        self._deferred = np.maximum(owed.looks - most, 0)
-        return weight, np.minimum(owed.looks, most)
+            return weight, demand.looks
+        most = _LOOKS_PER_PASS if needs_laps(demand.looks) else LOOKS_PER_LAP
+        self._deferred = np.maximum(demand.looks - most, 0)
+        return weight, np.minimum(demand.looks, most)
 
     def left(
         self, coverage: FlownMap, state: FleetState, later: FloatArray, radius: FloatArray
@@ -62,10 +62,10 @@ class DemandAllocation:
 
         `later` is positions (n, m, d) [m] of its samples, `radius` (m, J) [m] of the fleet.
         """
-        owed = coverage.demand(state.time, state.position)
-        weight = owed.gamma * self._field.weight
-        if owed.looks is None:
+        demand = coverage.demand(state.time, state.position)
+        weight = demand.gamma * self._field.weight
+        if demand.looks is None:
             return remaining_weight(later, self._field.cell, radius, weight), None
         deferred = 0 if self._deferred is None else self._deferred
-        looks = np.maximum(owed.looks - deferred - look_counts(later, self._field.cell, radius), 0)
+        looks = np.maximum(demand.looks - deferred - look_counts(later, self._field.cell, radius), 0)
         return np.where(looks > 0, weight, 0.0), looks

@@ -31,14 +31,14 @@ def horizon_ocp(
     plan: Trajectory,
     fleet: FleetConstraints,
     cell: FloatArray,
-    owed: tuple[FloatArray, IntArray | None],
+    demand: tuple[FloatArray, IntArray | None],
     segment: int,
     steps: int,
 ) -> OCP:
     """Return the OCP whose solution replaces the first `segment` samples of the mission plan by `steps` samples.
 
     Its terminal state is that of the mission plan after the segment; at the end of the plan only the velocity is given.
-    `owed` is the weights and looks (J, K) allocated to the segment on `cell` (K, d) [m]; looks None for one each.
+    `demand` is the weights and looks (J, K) allocated to the segment on `cell` (K, d) [m]; looks None for one each.
     """
     last = segment == plan.steps
     ends = BoundaryConditions(
@@ -47,7 +47,7 @@ def horizon_ocp(
         end_position=None if last else plan.position[segment],
         end_velocity=plan.velocity[segment],
     )
-    weight, looks = owed
+    weight, looks = demand
     return OCP(fleet, cell, weight, steps, plan.period, ends, looks)
 
 

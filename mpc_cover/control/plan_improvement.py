@@ -58,13 +58,13 @@ class PlanImprovement:
         segment = optimised_steps(plan, fleet, self._constraints.horizon)
         later = plan.position[segment + 1 :]
         weight, looks = self._allocation.left(coverage, state, later, fleet.radius)
-        owed = weight * self._constraints.reachable, looks
-        ocp = horizon_ocp(plan, fleet, self._cell, owed, segment, segment)
+        demand = weight * self._constraints.reachable, looks
+        ocp = horizon_ocp(plan, fleet, self._cell, demand, segment, segment)
         x = ocp.decision(plan.position[0], plan.velocity[: segment + 1])
         now = self._planner.evaluate(ocp, x)
         sooner = now.cost == 0.0 and now.braking_violation <= BRAKING_TOLERANCE and segment > _MIN_STEPS
         if sooner:
-            ocp = horizon_ocp(plan, fleet, self._cell, owed, segment, segment - 1)
+            ocp = horizon_ocp(plan, fleet, self._cell, demand, segment, segment - 1)
             x = ocp.decision(plan.position[0], resampled(plan.velocity[: segment + 1], segment - 1))
         found = self._planner.polish(ocp, x, _MAX_QPS, budget.part(_BUDGET_SHARE))
         better = found.complete if sooner else found.merit < now.merit

@@ -35,7 +35,7 @@ _RANGE_SHARE_MIN = 0.75
 
 
 class PlanningConstraints:
-    """The bounds that plans of a flight are held to, step by step.
+    """The bounds of plans, updated at each step.
 
     Attributes
     ----------

@@ -196,8 +196,8 @@ class RecedingHorizon:
         """Return whether a plan leaves most of the demand, so that a longer search is worth while."""
         if best.covers or coverage.endless:
             return False
-        owed = self._left_by(state.position[None], state, coverage)
-        return law.history.is_poor(self._left_by(best.plan.position, state, coverage), owed)
+        demand = self._left_by(state.position[None], state, coverage)
+        return law.history.is_poor(self._left_by(best.plan.position, state, coverage), demand)
 
     def _is_stranded(self, law: _LawState, state: FleetState, coverage: FlownMap, budget: Budget) -> bool:
         """Return whether a fleet at rest has found no plan that moves it in time, though demand is outstanding."""

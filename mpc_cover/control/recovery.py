@@ -28,7 +28,7 @@ _SAME_POSITION = 1e-3
 class Mode(Enum):
     """What the controller has the fleet do."""
 
-    NOMINAL = "covers what is owed"
+    NOMINAL = "covers the outstanding demand"
     RENDEZVOUS = "closes the gaps between groups that are out of range of each other"
     REPLAN_AT_REST = "comes to rest, where there is time to plan thoroughly"
     STOP = "comes to rest: nothing is left to do"
@@ -49,7 +49,7 @@ class Situation:
     no_plan_found : a search found no plan for the demand, and there is no earlier plan.
     range_infeasible : no motion from the present state keeps the communication range.
     on_plan : the mission plan in progress satisfies the constraints.
-    worth_replanning : the plan is so poor, or was found so late, that a thorough search at rest promises a better one.
+    worth_replanning : the plan is so poor, or was found so late, that a thorough search at rest is worth while.
     safe : a verified plan can be sent or continued.
     """
 
@@ -77,8 +77,8 @@ def next_mode(mode: Mode, situation: Situation) -> Mode:
         return Mode.REPLAN_AT_REST
     if not situation.work_left and (situation.settled or not situation.disconnected_by_loss):
         return Mode.STOP
-    apart = situation.disconnected and (mode is Mode.RENDEZVOUS or not situation.on_plan)
-    if (apart or (situation.no_plan_found and situation.range_infeasible)) and situation.rendezvous_possible:
+    gap = situation.disconnected and (mode is Mode.RENDEZVOUS or not situation.on_plan)
+    if (gap or (situation.no_plan_found and situation.range_infeasible)) and situation.rendezvous_possible:
         return Mode.RENDEZVOUS
     return Mode.REPLAN_AT_REST if situation.worth_replanning else Mode.NOMINAL
 
@@ -92,13 +92,13 @@ class ReplanHistory:
     planning_s : planning time of the first thorough search [s].
     failed_attempts : thorough searches in a row without a plan worth flying.
     position : (m, d) [m] where the fleet was last stranded, None if never.
-    owed : total demand outstanding then.
+    demand : total demand outstanding then.
     """
 
     planning_s: float
     failed_attempts: int = 0
     position: FloatArray | None = None
-    owed: float = np.inf
+    demand: float = np.inf
 
     @property
     def time_factor(self) -> float:
@@ -109,19 +109,19 @@ class ReplanHistory:
         """Return the history after a thorough search that ended in `mode`."""
         return replace(self, failed_attempts=self.failed_attempts + 1 if mode is Mode.REPLAN_AT_REST else 0)
 
-    def is_poor(self, left: FloatArray, owed: FloatArray) -> bool:
-        """Return whether a plan that leaves weights `left` of those `owed`, (J, K) each, is to be replaced at rest."""
+    def is_poor(self, left: FloatArray, demand: FloatArray) -> bool:
+        """Return whether a plan that leaves weights `left` of a `demand`, (J, K) each, is to be replaced at rest."""
         most = max(_ATTEMPTS, int(np.ceil(np.log2(_LONG_SEARCH_S / self.planning_s))))
-        return self.failed_attempts < most and bool(np.count_nonzero(left) > _POOR_SHARE * np.count_nonzero(owed))
+        return self.failed_attempts < most and bool(np.count_nonzero(left) > _POOR_SHARE * np.count_nonzero(demand))
 
-    def stranded(self, here: FloatArray, owed: float) -> tuple[bool, ReplanHistory]:
+    def stranded(self, here: FloatArray, demand: float) -> tuple[bool, ReplanHistory]:
         """Return whether a fleet at rest at (m, d) [m] without a plan should search thoroughly, and the new history.
 
         At the same position again only if less is outstanding than the last time.
         """
-        if self.position is not None and owed >= self.owed and stays_at(self.position, here):
+        if self.position is not None and demand >= self.demand and stays_at(self.position, here):
             return False, self
-        return True, replace(self, position=here, owed=owed)
+        return True, replace(self, position=here, demand=demand)
 
 
 def stays_at(position: FloatArray, here: FloatArray) -> bool:

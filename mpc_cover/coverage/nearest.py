@@ -160,24 +160,26 @@ def _ranked(excess: FloatArray, count: int, looks: IntArray | None) -> tuple[Int
     available, rows, columns = excess.shape[1], [], []
     counts = np.unique(looks)
     width = int(np.minimum(-(-available // counts), count).max())
-    for owed in counts.tolist():
-        some = np.flatnonzero(looks == owed)
-        near = _smallest(excess[some], min(owed * count, available))
+    for required in counts.tolist():
+        some = np.flatnonzero(looks == required)
+        near = _smallest(excess[some], min(required * count, available))
         order = np.argsort(np.take_along_axis(excess[some], near, axis=1), axis=1, kind="stable")
-        ranked = np.take_along_axis(near, order, axis=1)[:, _distribution(owed, min(owed * count, available), width)]
+        ranked = np.take_along_axis(near, order, axis=1)[
+            :, _distribution(required, min(required * count, available), width)
+        ]
         rows.append(np.tile(some, ranked.shape[1]))
         columns.append(np.swapaxes(ranked, 0, 1).reshape(-1, width))
     return np.concatenate(rows), np.concatenate(columns)
 
 
-def _distribution(owed: int, available: int, width: int) -> IntArray:
+def _distribution(required: int, available: int, width: int) -> IntArray:
     """Return (looks, width): which of the `available` ranked samples each of the outstanding looks gets.
 
     A look with fewer samples than others repeats its last, which leaves the minimum unchanged.
     """
-    look = np.arange(min(owed, available))[:, None]
-    most = (available - 1 - look) // owed
-    return np.asarray(look + owed * np.minimum(np.arange(width), most))
+    look = np.arange(min(required, available))[:, None]
+    most = (available - 1 - look) // required
+    return np.asarray(look + required * np.minimum(np.arange(width), most))
 
 
 def _taken(values: Array, row: IntArray, column: IntArray) -> Array:

@@ -58,9 +58,9 @@ def _contradictions(fleet: Fleet, radius: float) -> list[Problem]:
         problems.append(Problem("disturbance", "too strong", f"{why}, and input or speed is used up"))
     if fleet.radius[np.isfinite(fleet.radius)].min() <= 0.0:
         problems.append(Problem("disturbance", "too strong", f"{why}, and nothing is left of a sensing radius"))
-    apart = np.linalg.norm(fleet.start[:, None] - fleet.start[None], axis=2)[np.triu_indices(fleet.size, 1)]
-    if apart.size and apart.min() < fleet.separation_min:
-        right = f"{why}; starts must be {fleet.separation_min:.3g} m apart, the nearest are {apart.min():.3g} m"
+    distance = np.linalg.norm(fleet.start[:, None] - fleet.start[None], axis=2)[np.triu_indices(fleet.size, 1)]
+    if distance.size and distance.min() < fleet.separation_min:
+        right = f"{why}; starts must be {fleet.separation_min:.3g} m apart, the nearest are {distance.min():.3g} m"
         problems.append(Problem("fleet.agents", "starts", right))
     if fleet.communication_range <= fleet.separation_min:
         problems.append(Problem("fleet.communication_range_m", fleet.communication_range, why))

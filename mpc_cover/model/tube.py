@@ -30,6 +30,8 @@ _NEGLIGIBLE = 1e-12
 """Powers of A - B K below this are left out of the sums; `_ROUNDING` makes up for them. Plain choice."""
 _ROUNDING = 1.0 + 1e-9
 """Factor on the sums that bounds what truncation and rounding leave out; a plain choice."""
+_POSITION_WEIGHT = 2.0
+"""Weight of the position bound in the choice of gains: it reduces both the swath and the free distance of agents."""
 _NOMINAL_NOISE, _NOMINAL_PUSH = 0.01, 0.05
 """Noise in sensing radii and gusts in u_max for which gains are chosen where a mission states none: agents that are
 merely slow track with feedback as well. Plain choices of a weak disturbance."""
@@ -110,10 +112,7 @@ def tube_of(mission: Mission) -> Tube:
 
 
 def gains_of(mission: Mission) -> Gains:
-    """Return the gains whose tube is smallest, relative to the fleet's smallest sensing radius, speed and input.
-
-    The position counts twice: it reduces both the swath and the free distance between agents.
-    """
+    """Return the gains whose tube is smallest, relative to the fleet's smallest sensing radius, speed and input."""
     fleet = mission.fleet
     radius = float(fleet.radius[np.isfinite(fleet.radius)].min())
     return _best_gains(bounds_of(mission), radius, float(fleet.speed_max.min()), float(fleet.input_max.min()))
@@ -169,7 +168,7 @@ def _best_gains(bounds: DisturbanceBounds, radius: float, speed: float, force: f
 
     def cost(gains: Gains) -> float:
         size = tube(bounds, gains)
-        return 2.0 * size.position_m / radius + size.velocity_m_per_s / speed + size.input_m_per_s2 / force
+        return _POSITION_WEIGHT * size.position_m / radius + size.velocity_m_per_s / speed + size.input_m_per_s2 / force
 
     pairs = combinations_with_replacement(_POLES, 2)
     return min((place_poles(*pair, bounds.state_period_s) for pair in pairs), key=cost)

@@ -28,6 +28,8 @@ _UPPER_SHARE, _LOWER_SHARE = 0.92, 0.76
 observed. The bisection over lengths starts from them."""
 _SCREENED = 6
 """Initial guesses that must have been compared before the search is restricted to the best kinds; a plain choice."""
+_GUESSES_PER_START = 2
+"""Initial guesses that a small search evaluates for each of its starts; a plain choice."""
 _GUESSES_SHARE = 0.3
 """Part of the budget for evaluating initial guesses; a plain choice."""
 _SUFFICIENT_REST = 0.1
@@ -168,10 +170,13 @@ def plan_min_time(
 def _evaluated_guesses(task: Task, search: Search, budget: Budget) -> list[Candidate]:
     """Return candidates of the systematic guesses, whose lengths estimate the work.
 
-    All of them in a large search, else twice as many as `search.starts`; as the budget allows, but at least one.
+    All of them in a large search, else in proportion to its starts; as the budget allows, but at least one.
     """
     evaluated: list[Candidate] = []
-    most, part = (None if search.starts > _SCREENED else 2 * search.starts), budget.part(_GUESSES_SHARE)
+    most, part = (
+        (None if search.starts > _SCREENED else _GUESSES_PER_START * search.starts),
+        budget.part(_GUESSES_SHARE),
+    )
     for guess in systematic_guesses(task)[:most]:
         if evaluated and part.exhausted:
             break

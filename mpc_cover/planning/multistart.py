@@ -34,6 +34,8 @@ COARSE = (4.0, 10.0, 30.0)
 """Sharpness of the stages that screen the starts: after them the order of costs was observed to be nearly final."""
 _COARSE_ITERATIONS, _FINE_ITERATIONS = 4, 8
 """QPs per stage of screening and of refining; plain choices."""
+_FINE = SHARPNESS[2:]
+"""Sharpness of the stages that refine a screened start: the last two of the continuation."""
 _SCREENING_SHARE = 0.5
 """Part of the budget in which starts are generated; a plain choice."""
 _KIND_ORDER = (GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST)
@@ -126,7 +128,7 @@ def _refined(
     ocp = task.ocp(steps)
     exact = search.exact_cones
     refined = partial(optimise, ocp, backend=backend, budget=budget, exact_cones=exact)
-    fine = refined(x=coarse.x, sharpness=SHARPNESS[2:], iterations=_FINE_ITERATIONS, region=REFINEMENT_REGION)
+    fine = refined(x=coarse.x, sharpness=_FINE, iterations=_FINE_ITERATIONS, region=REFINEMENT_REGION)
     first = candidate_of(task, steps, fine, origin)
     if first.complete or first.cost > _REFINE_AGAIN_COST * length_scale(ocp) or budget.exhausted:
         return first

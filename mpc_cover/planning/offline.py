@@ -91,13 +91,13 @@ def plan_mission(
 def offline_task(mission: Mission) -> Task:
     """Return the task of covering a mission from scratch."""
     fleet, planning = mission.fleet, mission.spec.planning
-    owed = make_map(mission).demand(0.0, np.full_like(fleet.start, np.nan))  # no cell is in range before the start
+    demand = make_map(mission).demand(0.0, np.full_like(fleet.start, np.nan))  # no cell is in range before the start
     end = End(planning.end)
     goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if end is End.FIXED else None
     return Task(
         FleetConstraints.of(fleet),
         mission.field.cell,
-        owed.gamma * mission.field.weight,
+        demand.gamma * mission.field.weight,
         fleet.start,
         np.zeros_like(fleet.start),
         0.0,
@@ -105,7 +105,7 @@ def offline_task(mission: Mission) -> Task:
         start_free=planning.start == "free",
         end=end,
         goal=goal,
-        looks=owed.looks,
+        looks=demand.looks,
     )
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from solvers.outcome import Result
 
 FEASIBILITY = 2e-4
-"""Violation up to which a motion counts as feasible [m, m/s, m/s^2]; a plain choice far below the margins of `ocp`."""
+"""Violation up to which a motion counts as feasible [m, m/s, m/s^2]; a plain choice that `ocp.Margins` absorb."""
 
 SHARPNESS = (4.0, 10.0, 30.0, 100.0)
 """beta times the sensing radius, by stage; finer stages and softer first ones took longer and covered less."""
@@ -63,7 +63,8 @@ _FINAL_ITERATIONS = 12
 _FINAL_REGION, _FINAL_REGION_MIN, _FINAL_REGION_MAX = 0.1, 1e-6, 1.0
 """First, smallest and largest trust radius of the final stage, in sensing radii; plain choices."""
 _FINAL_TOLERANCE = 1e-12
-"""Relative predicted decrease and step length [m] below which the final stage ends: as good as 0, its QPs bound it."""
+"""Relative predicted decrease and step length [m] below which the final stage ends; a plain choice, so small that only
+the number of QPs bounds the stage."""
 
 BRAKING_TOLERANCE = 0.01
 """Tolerated violation of passive safety [m]; a plain choice within the margin of `constraints.passive_safety`."""

@@ -91,12 +91,12 @@ def _refined_segment(
     or violates less.
     """
     position, velocity = motion
-    owed = _left_by_others(task, position, begin, end)
+    demand = _left_by_others(task, position, begin, end)
     steps = end - begin
-    ocp = _ocp(task, motion, owed, begin, end, steps)
+    ocp = _ocp(task, motion, demand, begin, end, steps)
     now = evaluate(ocp, ocp.decision(position[begin], velocity[begin : end + 1]))
     for count in (steps - 1,) if now.complete else (steps, steps + 1):
-        ocp = _ocp(task, motion, owed, begin, end, count)
+        ocp = _ocp(task, motion, demand, begin, end, count)
         x = ocp.exact_ends(ocp.decision(position[begin], resampled(velocity[begin : end + 1], count)))
         found = optimise(
             ocp,
@@ -126,13 +126,13 @@ def _better(new: SCPResult, old: SCPResult, *, longer: bool) -> bool:
 def _ocp(
     task: Task,
     motion: tuple[FloatArray, FloatArray],
-    owed: tuple[FloatArray, IntArray | None],
+    demand: tuple[FloatArray, IntArray | None],
     begin: int,
     end: int,
     steps: int,
 ) -> OCP:
     """Return the OCP of the segment from `begin` to `end`, in so many steps."""
-    (position, velocity), (weight, looks) = motion, owed
+    (position, velocity), (weight, looks) = motion, demand
     last = end == velocity.shape[0] - 1
     ends = BoundaryConditions(position[begin], velocity[begin], None if last else position[end], velocity[end])
     return OCP(task.fleet, task.cell, weight, steps, task.period, ends, looks)

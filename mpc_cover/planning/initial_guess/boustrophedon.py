@@ -51,14 +51,14 @@ class Boustrophedon:
 
 
 def sweep_guesses(
-    fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray, period: float, *, slow: bool = False
+    fleet: Fleet, cell: FloatArray, demand: FloatArray, position: FloatArray, period: float, *, slow: bool = False
 ) -> Iterator[Guess]:
     """Yield sweeps of the whole demand along each axis: strips of equal work, cut snakes, and combs.
 
-    `cell` (K, d) [m]; `owed` (J, K) > 0 where there is demand; `position` (m, d) [m]; `period` T_s [s].
+    `cell` (K, d) [m]; `demand` (J, K) > 0 where there is demand; `position` (m, d) [m]; `period` T_s [s].
     `slow` sweeps are for many looks in a single pass.
     """
-    teams = _teams(fleet, cell, owed, period, slow=slow)
+    teams = _teams(fleet, cell, demand, period, slow=slow)
     for axis in range(cell.shape[1]):
         yield _by_team(
             GuessKind.STRIPS,
@@ -103,13 +103,13 @@ def _by_team(
     return Guess(Origin(kind, name), paths)
 
 
-def _teams(fleet: Fleet, cell: FloatArray, owed: FloatArray, period: float, *, slow: bool) -> list[Team]:
+def _teams(fleet: Fleet, cell: FloatArray, demand: FloatArray, period: float, *, slow: bool) -> list[Team]:
     """Return the teams for which there is demand."""
     able = np.isfinite(fleet.radius)
     teams = []
     for pattern in np.unique(able, axis=0):
         agents = np.flatnonzero((able == pattern).all(axis=1))
-        left = cell[(owed[pattern] > 0.0).any(axis=0)]
+        left = cell[(demand[pattern] > 0.0).any(axis=0)]
         if len(left) and pattern.any():
             radius = float(fleet.radius[agents][:, pattern].min())
             speed = fleet.speed_max[agents]

@@ -112,16 +112,16 @@ def _visibility(points: list[FloatArray], fleet: Fleet, cell: FloatArray, looks:
     """Return which pieces (columns) see which demanded (magnitude, cell) in range of any, and the demanded looks."""
     blocks, demanded = [], []
     for magnitude in range(looks.shape[0]):
-        owed = np.flatnonzero(looks[magnitude] > 0.0)
+        wanted = np.flatnonzero(looks[magnitude] > 0.0)
         near = [
-            np.linalg.norm(cell[owed, None] - point[None], axis=2)
+            np.linalg.norm(cell[wanted, None] - point[None], axis=2)
             <= (1.0 - _RADIUS_MARGIN) * fleet.radius[i, magnitude] + TIE
             for i, point in enumerate(points)
         ]
         table = np.concatenate(near, axis=1)
         reached = table.any(axis=1)
         blocks.append(sp.csr_array(table[reached].astype(float)))
-        demanded.append(looks[magnitude, owed[reached]].astype(float))
+        demanded.append(looks[magnitude, wanted[reached]].astype(float))
     return sp.vstack(blocks).tocsr(), np.concatenate(demanded)
 
 

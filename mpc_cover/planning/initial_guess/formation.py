@@ -116,15 +116,15 @@ def _legs(
     nearest = np.clip(offset, *box)
     within = np.linalg.norm(nearest - offset, axis=2)  # (a, K): distance that the box leaves
     reached = within[:, None] <= _COVERED_SHARE * radius[:, :, None]  # (a, J, K): never where the radius is -inf
-    owed, here = np.array(task.weight > 0.0), np.zeros(task.fleet.dimension)
+    demand, here = np.array(task.weight > 0.0), np.zeros(task.fleet.dimension)
     legs: list[FloatArray] = []
 
     def covered(places: FloatArray) -> BoolArray:
         """Return (P, J, K): demand that is measured at displacements (P, d) [m]."""
         distance = np.linalg.norm(offset - places[:, None, None], axis=3)
-        return np.asarray((distance[:, :, None] <= _COVERED_SHARE * radius[:, :, None]).any(axis=1) & owed)
+        return np.asarray((distance[:, :, None] <= _COVERED_SHARE * radius[:, :, None]).any(axis=1) & demand)
 
-    while (able := reached & owed).any() and not budget.exhausted:
+    while (able := reached & demand).any() and not budget.exhausted:
         agent, k = np.nonzero(able.any(axis=1) & _clear(task, here, nearest))
         if not len(k):
             break
@@ -139,10 +139,10 @@ def _legs(
         goal = places[int(np.argmax(gain / steps))]
         legs.append(leg(goal - here))
         passed = here + _moved(np.concatenate([np.zeros((1, len(here))), legs[-1]]), task.period)
-        before = np.count_nonzero(owed)
-        owed &= ~covered(passed).any(axis=0)
-        if np.count_nonzero(owed) == before:  # out of reach by rounding
-            owed[:, k[0]] = False
+        before = np.count_nonzero(demand)
+        demand &= ~covered(passed).any(axis=0)
+        if np.count_nonzero(demand) == before:  # out of reach by rounding
+            demand[:, k[0]] = False
         here = passed[-1]
     return legs
 

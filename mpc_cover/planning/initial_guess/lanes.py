@@ -20,7 +20,7 @@ _SLOW_HALF_WIDTH, _SLOW_INSET = 0.72, 0.5
 """Half the width of lanes and their inset, in sensing radii, where agents pass slowly for many looks: lanes overlap and
 reach into corners, so that cells between lanes get nearly as many looks as those on them. Wider and narrower lanes took
 longer, as observed."""
-_APART_MAX = 0.7
+_HALF_STEP_MAX = 0.7
 """Bound on half the distance between samples, in sensing radii, that narrows the swath; a plain choice."""
 _ROW_DECIMALS, _ROW_ROUNDING, _BAND_ROUNDING = 9, 1e-9, 1e-8
 """Decimals to which coordinates of cells are rounded to find rows [m], and tolerances of comparisons with rows and with
@@ -28,7 +28,7 @@ the first rows of bands [m]. Plain choices far below any cell's size."""
 _CUT_ROUNDING = 1e-6
 """Waypoints nearer than this to a cut of a path are left out [m]; a plain choice."""
 _ALL_PERMUTATIONS = 6
-"""Agents up to which all assignments are compared, 720 of them; beyond, a linear assignment approximates."""
+"""Agents up to which all assignments are compared, at most 720; a plain choice. Beyond, a linear assignment is used."""
 _TIME_DECIMALS = 6
 """Decimals to which the largest times of assignments are compared [s], so that rounding breaks no tie; plain choice."""
 _COST_POWER = 3
@@ -57,8 +57,8 @@ def swath_of(radius: float, speed: float, period: float) -> Swath:
     Halfway between two samples the discs reach sqrt(rho^2 - (v T_s / 2)^2) to the side. For sparse samples the half
     distance is bounded, and the SQP has to improve the path.
     """
-    apart = min(0.5 * speed * period, _APART_MAX * radius)
-    return Swath(float(np.sqrt(radius**2 - apart**2)), radius)
+    half_step = min(0.5 * speed * period, _HALF_STEP_MAX * radius)
+    return Swath(float(np.sqrt(radius**2 - half_step**2)), radius)
 
 
 def slow_swath(radius: float) -> Swath:
@@ -111,7 +111,7 @@ def _lane(cell: FloatArray, swath: Swath, axis: int, others: Sequence[int]) -> L
 
 
 def snake(lanes: Sequence[Lane], start: FloatArray) -> FloatArray:
-    """Return (W, d) waypoints [m] along all lanes in alternating directions, from the corner nearest to `start` (d,)."""
+    """Return (W, d) waypoints [m] along all lanes in alternating directions, from the corner nearest `start` (d,)."""
     best: FloatArray | None = None
     for ordered in (list(lanes), list(reversed(lanes))):
         for upward in (True, False):

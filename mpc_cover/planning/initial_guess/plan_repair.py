@@ -32,7 +32,7 @@ class PlanRepair:
     """
 
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:
-        """Yield motions from the task's initial state along the incumbent's paths, then a tour of the remaining cells."""
+        """Yield motions from the task's initial state along the incumbent's paths and a tour of the remaining cells."""
         if incumbent is None:
             return
         slowest = float(task.fleet.speed_max[list(task.fleet.active)].min())

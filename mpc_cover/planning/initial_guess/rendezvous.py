@@ -37,7 +37,7 @@ _PASSES = 200
 _GAP_TOLERANCE = 1e-3
 """Remaining gap, relative to the meeting distance, at which the passes end; a plain choice."""
 _IMMOBILE_WEIGHT = 1e-6
-"""Weight of a group that is to stay where it is: positive, for pairs of two such groups. Plain choice."""
+"""Weight of a group that is to stay where it is; a plain choice, positive so that no sum of weights vanishes."""
 
 
 def out_of_range(position: FloatArray, fleet: FleetConstraints) -> bool:

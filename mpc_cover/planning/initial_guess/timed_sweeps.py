@@ -122,8 +122,8 @@ def _timed_motions(task: Task, guess: Guess) -> Iterator[Trajectory]:
     """Yield the motions of a sweep, each timed for the looks that the one before lacks."""
     assert task.looks is not None
     paths = [np.concatenate([here[None], path]) for here, path in zip(task.position, guess.paths, strict=True)]
-    owed = np.where(task.weight > 0.0, task.looks, 0).astype(float)
-    demanded = owed.copy()
+    required = np.where(task.weight > 0.0, task.looks, 0).astype(float)
+    demanded = required.copy()
     for _ in range(_ROUNDS):
         found = solve_dwell_times(paths, task.fleet, task.cell, demanded, task.period)
         if found is None:
@@ -133,7 +133,7 @@ def _timed_motions(task: Task, guess: Guess) -> Iterator[Trajectory]:
             timed_samples(found, steps), task.position, task.velocity, task.fleet, task.period, task.start_time
         )
         yield motion
-        lacking = np.maximum(owed - look_counts(motion.position, task.cell, task.fleet.radius), 0.0)
+        lacking = np.maximum(required - look_counts(motion.position, task.cell, task.fleet.radius), 0.0)
         if not lacking.any():
             return
         demanded = np.where(lacking > 0.0, demanded + lacking, demanded)

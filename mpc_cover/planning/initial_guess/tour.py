@@ -32,12 +32,12 @@ class Tour:
             yield tour_guess(task.fleet, task.cell, task.weight, task.position)
 
 
-def tour_guess(fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray) -> Guess:
+def tour_guess(fleet: Fleet, cell: FloatArray, demand: FloatArray, position: FloatArray) -> Guess:
     """Return a greedy tour: repeatedly, the agent that can reach some remaining cell first is sent to it.
 
     It suits few, scattered cells. Arguments as in `boustrophedon.sweep_guesses`.
     """
-    left = owed > 0.0
+    left = demand > 0.0
     paths = [[position[i]] for i in range(fleet.size)]
     clock = np.zeros(fleet.size)
     while left.any():

@@ -22,7 +22,7 @@ _CORRECTION_SHARE = 0.5
 _MAX_STEPS = 2000
 """Steps after which tracking without a given length ends; a plain choice beyond any mission's needs."""
 _ARRIVED_STEPS, _ARRIVED_M = 0.2, 0.05
-"""Distance at which a last waypoint counts as reached: part of a step at full speed, plus a length [m]. Plain choices."""
+"""Distance at which a last waypoint counts as reached: part of a step at full speed plus a length [m]; plain choice."""
 _APPROACH_SHARE = 0.9
 """v^2 / (u_max d) of the approach to a last waypoint at distance d: less than half of u_max brakes. Plain choice."""
 _STOP_SHARE = 0.9
@@ -47,8 +47,8 @@ def track_waypoints(
 
     With `steps` the motion has that many and is at rest at the end, arrived or not (unless `stop` is false);
     without, it is as long as the last arrival needs, but at most `max_steps`. An agent turns to the next waypoint at
-    its stopping distance. The initial state is (m, d) `position` [m] and `velocity` [m/s]; inputs stay within their limits
-    unless the initial velocity makes that impossible.
+    its stopping distance. The initial state is (m, d) `position` [m] and `velocity` [m/s]; inputs stay within their
+    limits unless the initial velocity makes that impossible.
     """
     count = fleet.size
     speed, force = LIMIT_SHARE * fleet.speed_max, LIMIT_SHARE * fleet.input_max
@@ -122,8 +122,8 @@ def _control(
 ) -> FloatArray:
     """Return inputs (m, d) [m/s^2] towards the waypoints at full speed, slower where a step would pass one.
 
-    Towards the last waypoint agents slow down to stop there. A step longer than the distance at which agents turn could otherwise alternate between both sides of a waypoint
-    without end.
+    Towards the last waypoint agents slow down to stop there. A step longer than the distance at which they turn could
+    otherwise alternate between both sides of a waypoint without end.
     """
     landing = np.minimum(speed, distance / period)
     wanted = np.where(last, np.minimum(landing, np.sqrt(_APPROACH_SHARE * force * distance)), landing)
