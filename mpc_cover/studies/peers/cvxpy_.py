@@ -1,4 +1,4 @@
-"""Our own subproblem in CVXPY, canonicalised in every iteration: what `planning/reference.py` costs in a loop.
+"""Our own subproblem in CVXPY, canonicalised in every iteration: what `planning.cvxpy_reference` costs in a loop.
 
 Stages, trust region and acceptance are those of `planning.scp` and `solvers.sqp`, without the line search.
 Solved by Clarabel, CVXPY's default for these problems; most of the time goes into canonicalisation.
