@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 UPPER, LOWER, EQUAL = 1, 2, 4
+"""Kinds of rows, as flags: finite upper bound, finite lower bound; equality."""
 
 
 def row_kinds(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.uint8]:
