@@ -19,10 +19,8 @@ FENCE_M = 9.5  # x + y of whoever stands at the corner's edge
 mission = mpc_cover.load_mission(Path(__file__).parent / "yard.yaml")
 guess = mpc_cover.plan(mission, time_limit_s=1.0)
 ocp = offline_task(mission).ocp(guess.steps)
-settings = Settings(softness_at(30.0, length_scale(ocp)))
-reference = build_cvxpy_subproblem(
-    ocp, settings, requirements(ocp, settings.margins), ocp.decision_of(guess), radius=1.0
-)
+settings, x = Settings(softness_at(30.0, length_scale(ocp))), ocp.decision_of(guess)
+reference = build_cvxpy_subproblem(ocp, settings, requirements(ocp, settings.margins), x, radius=1.0)
 
 free = reference.solve()
 reference.constraints += [q[:, 0] + q[:, 1] <= FENCE_M for q in reference.position]
