@@ -11,6 +11,7 @@ from flights import fleet_of
 from mpc_cover.constraints.boundary import Ends
 from mpc_cover.coverage.majoriser import Softness
 from mpc_cover.model.motion import roll_out
+from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 from mpc_cover.planning.ocp import OCP, Settings
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
 
 PERIOD = 0.5
+UNLIMITED, EXHAUSTED = Budget.unlimited(), Budget.counted(0.0)
 
 
 def random_motion(
@@ -66,4 +68,4 @@ def settings(beta: float = 4.0, margin: float = 0.1) -> Settings:
     return Settings(Softness(beta, margin))
 
 
-__all__ = ["PERIOD", "grid", "random_motion", "random_window", "replace", "settings"]
+__all__ = ["EXHAUSTED", "PERIOD", "UNLIMITED", "grid", "random_motion", "random_window", "replace", "settings"]

@@ -106,7 +106,8 @@ def strict_bounds(fleet: FleetConstraints) -> MotionBounds:
 def attainable_bounds(fleet: FleetConstraints, known: Sequence[Path], start: State) -> MotionBounds:
     """Return the fleet's own bounds if one of the `known` motions from `start` keeps them, else what the best attains.
 
-    The best is the one that brings nobody nearer to anyone than it must, and then the one that tears least.
+    The best is the one that brings nobody nearer to anyone than it must, and then the one that tears least. One that
+    breaks what is never relaxed, as an input, cannot be flown, and attains nothing.
     """
     own = strict_bounds(fleet)
     if any(own.keeps(path, start) for path in known):
@@ -116,7 +117,9 @@ def attainable_bounds(fleet: FleetConstraints, known: Sequence[Path], start: Sta
         nearest = fleet.separation_min - bounds.least_separation
         return max(nearest - _ROUNDING, 0.0), bounds.fleet.communication_range
 
-    return min((relaxed(fleet, path) for path in known), key=harm)
+    attained = [relaxed(fleet, path) for path in known]
+    flyable = [bounds for bounds, path in zip(attained, known, strict=True) if bounds.keeps(path, start)]
+    return min(flyable or attained, key=harm)
 
 
 def relaxed(fleet: FleetConstraints, path: Path) -> MotionBounds:

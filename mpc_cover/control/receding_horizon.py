@@ -62,16 +62,19 @@ class RecedingHorizon:
     mission : what to cover, with whom.
     backend : QP back-end: piqp, clarabel or osqp.
     seed : of whatever is random; with budgets of counted work the law is deterministic.
+    planner : searches for plans; one with that back-end where it is left out.
     """
 
     tolerates_losses = True
 
-    def __init__(self, mission: Mission, *, backend: str = "piqp", seed: int = 0) -> None:
+    def __init__(
+        self, mission: Mission, *, backend: str = "piqp", seed: int = 0, planner: Planner | None = None
+    ) -> None:
         self.seed = seed
         self._field, self._period = mission.field, mission.spec.control.period_s
         self._planning_s = mission.spec.control.planning_time_s
         self._constraints = PlanningConstraints(mission)
-        planner = Planner(backend)
+        planner = planner or Planner(backend)
         self._allocation = DemandAllocation(mission.field)
         self._candidates = CandidateGenerator(mission, self._constraints, self._allocation, planner)
         self._improvement = PlanImprovement(mission, self._constraints, self._allocation, planner)

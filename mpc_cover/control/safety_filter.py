@@ -64,9 +64,8 @@ class SafetyFilter:
 
     def _malformed(self, trajectory: Trajectory, state: FleetState) -> str | None:
         """Return why a trajectory is none of this fleet from this state on, or None."""
-        arrays: dict[str, Any] = {
-            name: getattr(trajectory, name, None) for name in ("time", "position", "velocity", "input")
-        }
+        names = ("time", "position", "velocity", "input")
+        arrays: dict[str, Any] = {name: getattr(trajectory, name, None) for name in names}
         for name, array in arrays.items():
             if not isinstance(array, np.ndarray) or not np.issubdtype(array.dtype, np.floating):
                 return f"{name} must be an array of floating-point numbers"
@@ -77,8 +76,10 @@ class SafetyFilter:
                 return f"{name} has shape {found}, must be {wanted} with one step at the least"
         period = self._control.period_s
         grid = state.time + period * np.arange(steps + 1)
-        if trajectory.period != period or not (np.abs(arrays["time"] - grid) <= SNAP_S * (1.0 + np.abs(grid))).all():
-            return f"samples must lie every {period:g} s from {state.time:g} s on, and say so"
+        if trajectory.period != period:  # agents are sent the period, not the times
+            return f"period is {trajectory.period} s, must be {period:g} s"
+        if not (np.abs(arrays["time"] - grid) <= SNAP_S * (1.0 + np.abs(grid))).all():
+            return f"samples must lie every {period:g} s from {state.time:g} s on"
         for name, array in arrays.items():
             if not np.isfinite(array).all():
                 return f"{name} must be finite"

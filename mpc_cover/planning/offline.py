@@ -55,9 +55,7 @@ class PlanOptions:
     def __post_init__(self) -> None:
         """Raise `UserError` for cones that the back-end lacks."""
         if self.exact_cones and self.backend not in (able := backends_with_cones()):
-            raise UserError(
-                f"--cones exact: {self.backend} has no second-order cones: must be --backend {' or '.join(able)}"
-            )
+            raise UserError(f"exact cones: {self.backend} has no second-order cones: use {' or '.join(able)}")
 
 
 def plan_mission(
