@@ -38,11 +38,11 @@ COLUMNS = {
     "model": 3.2, "mission": 3.2, APART: 1.1,
 }  # fmt: skip
 """Where a package stands in its layer, from 0 to 10; one that is not named here stands in the middle."""
-BASEMENT = ("errors", "clock", "arrays")
+BASEMENT = ("errors", "clock", "arrays", "version")
 """Everyone may import these: no arrow leads there."""
 JUDGES = ("verification", APART)
 """Drawn in another colour: they share no code with those whose work they judge or do."""
-WIDTH, HEIGHT, LAYER = 2.12, 0.86, 1.28
+WIDTH, HEIGHT, LAYER = 2.12, 1.02, 1.42
 WIDE = {"service": 5.2}
 """Boxes of another width."""
 
@@ -160,15 +160,15 @@ def _box(axes: Axes, name: str, says: str, holds: list[str], place: tuple[float,
     colour = "#b3001b" if name in JUDGES else "#00507a"
     corner, style = (x - width / 2, y - HEIGHT / 2), "round,pad=0.0,rounding_size=0.08"
     axes.add_patch(FancyBboxPatch(corner, width, HEIGHT, boxstyle=style, facecolor="white", edgecolor=colour, lw=1.6))
-    axes.text(x, y + 0.26, name, ha="center", va="center", fontsize=12.5, fontweight="bold", color=colour)
+    axes.text(x, y + 0.35, name, ha="center", va="center", fontsize=12.5, fontweight="bold", color=colour)
     lines = "\n".join([*_wrapped(says, round(14.2 * width)), *([" · ".join(holds)] if holds else [])])
-    axes.text(x, y - 0.13, lines, ha="center", va="center", fontsize=8.6, color="#222222", linespacing=1.15)
+    axes.text(x, y - 0.12, lines, ha="center", va="center", fontsize=8.6, color="#222222", linespacing=1.15)
 
 
 def _wrapped(says: str, width: int) -> list[str]:
-    """Return a sentence in three lines at the most; one that is too long ends with its first part."""
+    """Return a sentence in four lines at the most; one that is too long ends with its first part."""
     lines = textwrap.wrap(says, width)
-    return lines if len(lines) <= 3 else textwrap.wrap(re.split("[:;]", says)[0], width)[:3]  # noqa: PLR2004
+    return lines if len(lines) <= 4 else textwrap.wrap(re.split("[:;]", says)[0], width)[:4]  # noqa: PLR2004
 
 
 def _arrow(axes: Axes, one: tuple[float, float], two: tuple[float, float], room: float, imports: int) -> None:

@@ -9,9 +9,9 @@ Usage: python examples/add_a_cvxpy_constraint.py
 from pathlib import Path
 
 import mpc_cover
+from mpc_cover.planning.cvxpy_reference import build_cvxpy_subproblem
 from mpc_cover.planning.ocp import Settings, requirements
 from mpc_cover.planning.offline import offline_task
-from mpc_cover.planning.reference import build_reference
 from mpc_cover.planning.scp import length_scale, softness_at
 
 FENCE_M = 9.5  # x + y of whoever stands at the corner's edge
@@ -20,7 +20,9 @@ mission = mpc_cover.load_mission(Path(__file__).parent / "yard.yaml")
 guess = mpc_cover.plan(mission, time_limit_s=1.0)
 ocp = offline_task(mission).ocp(guess.steps)
 settings = Settings(softness_at(30.0, length_scale(ocp)))
-reference = build_reference(ocp, settings, requirements(ocp, settings.margins), ocp.decision_of(guess), radius=1.0)
+reference = build_cvxpy_subproblem(
+    ocp, settings, requirements(ocp, settings.margins), ocp.decision_of(guess), radius=1.0
+)
 
 free = reference.solve()
 reference.constraints += [q[:, 0] + q[:, 1] <= FENCE_M for q in reference.position]

@@ -13,8 +13,9 @@ them raise for a mistake that the caller can mend.
 """
 
 from importlib import import_module as _import_module
-from importlib.metadata import version as _version
 from typing import TYPE_CHECKING
+
+from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
     from mpc_cover.api import SimulationResult, check, load_mission, load_trajectory, plan, plot, simulate
@@ -40,8 +41,6 @@ __all__ = [
     "save_trajectory",
     "simulate",
 ]
-
-__version__ = _version("mpc-cover")
 
 if not TYPE_CHECKING:  # a type checker is to refuse names that there are not
     _ELSEWHERE = {

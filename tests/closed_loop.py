@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.control.receding_horizon import RecedingHorizon
+from mpc_cover.control.safety_filter import SafetyFilter
 from mpc_cover.information.build import make_map
 from mpc_cover.mission.load import Mission, build_mission
 from mpc_cover.model.constraint_tightening import without_lost
@@ -82,14 +83,16 @@ def fly(
 ) -> tuple[FlownMap, list[FleetState], list[Proposal]]:
     """Fly the closed loop with exact agents, to rest with all covered; return the map, states and proposals.
 
-    Every proposal is verified, and published.
+    Every proposal is verified, passes the safety filter, and is published.
     """
-    coverage, state = make_map(mission), at_start(mission)
+    coverage, state, gate, plan = make_map(mission), at_start(mission), SafetyFilter(mission), None
     coverage.observe(0.0, state.position)
     budget = Budget.counted(mission.spec.control.planning_time_s)
     states, proposals = [state], []
     for k in range(limit):
         proposal = law.step(state, coverage, budget)
+        verdict = gate.admit(proposal.trajectory, state, plan)
+        assert verdict.admitted, verdict.reason
         plan = proposal.trajectory
         assert holds(mission, plan, state)
         law.published(plan)

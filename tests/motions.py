@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from flights import fleet_of
 
-from mpc_cover.constraints.boundary import Ends
+from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.coverage.majoriser import Softness
 from mpc_cover.model.motion import roll_out
 from mpc_cover.planning.budget import Budget
@@ -58,7 +58,7 @@ def random_window(seed: int, steps: int = 6, agents: int = 3, dimension: int = 2
     goals = [np.clip(q + shift, 0.5, 7.5)[None] for q in start]
     still = np.zeros_like(start)
     flight = track_waypoints(goals, start, still, fleet, PERIOD, steps=steps)
-    ends = Ends(start_position=start, start_velocity=still, end_velocity=still)
+    ends = BoundaryConditions(start_position=start, start_velocity=still, end_velocity=still)
     ocp = OCP(fleet, cell, weight, steps, PERIOD, ends)
     return ocp, ocp.decision(flight.position[0], flight.velocity)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mpc_cover.constraints.local_tree import kept_by_both, kept_by_either, local_choices, spare_choices
+from mpc_cover.constraints.local_tree import kept_by_both, kept_by_either, local_choices, redundant_choices
 from mpc_cover.distributed.double_integrator_filter import LESS, filter_forces, stopping_balls
 from mpc_cover.distributed.potential_functions import (
     Coordination,
@@ -41,7 +41,7 @@ class LawParameters:
     random : largest length of the random signal r of (5.17), as a part of u_max.
     edges : which local edges an agent keeps: those both ends chose, those either did, or its own choice, which
         needs no further message.
-    spare : whether edges are kept, too, that connect the others without any one agent (`local_tree.spare_choices`).
+    spare : whether edges are kept, too, that connect the others without any one agent (`local_tree.redundant_choices`).
     """
 
     shape: CoverageShape = field(default_factory=CoverageShape)
@@ -123,7 +123,7 @@ class PotentialLaw:
         """Return (m, m): the edges that each agent (row) keeps from (m, d) positions [m] and velocities [m/s]."""
         centre, radius = self._balls(position, velocity)
         weight, reach = enclosing_diameters(centre, radius), self._coordination.range_m
-        choice = spare_choices(weight, reach) if self._parameters.spare else local_choices(weight, reach)
+        choice = redundant_choices(weight, reach) if self._parameters.spare else local_choices(weight, reach)
         match self._parameters.edges:
             case "both":
                 return kept_by_both(choice)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mpc_cover.constraints.box_overshoot import box_overshoot, box_overshoot_rows
 from mpc_cover.constraints.rows import Layout
-from mpc_cover.model.braking import braked
+from mpc_cover.model.braking import braking_position
 from mpc_cover.model.motion import roll_out
 
 PERIOD = 0.5
@@ -36,7 +36,7 @@ def test_whoever_brakes_stays_in_the_box_where_no_overrun_is_seen(seed):
     fleet = fleet_of(start, motion_min=np.zeros(2), motion_max=np.full(2, 4.0), reaction_periods=2.0)
     inside = ((position > 0.02) & (position < 3.98)).all(axis=2)
     for sample, agent in zip(*np.nonzero(inside), strict=True):
-        stop = braked(position[sample], velocity[sample], np.array([1e3]), fleet.input_max)[0, agent]
+        stop = braking_position(position[sample], velocity[sample], np.array([1e3]), fleet.input_max)[0, agent]
         out = np.maximum(0.01 - stop, 0.0), np.maximum(stop - 3.99, 0.0)
         assert box_overshoot(position, velocity, fleet)[:, sample, agent] == pytest.approx(np.array(out))
 

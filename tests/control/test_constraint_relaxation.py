@@ -12,7 +12,7 @@ from flights import fleet_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mpc_cover.constraints.boundary import Ends
+from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.control.constraint_relaxation import (
     MotionBounds,
     attainable_bounds,
@@ -190,7 +190,7 @@ def test_the_planner_asks_the_other_pairs_for_all_that_the_verifier_does(lost):
     start = np.array([[1.0, 1.0], [1.0 + NEAR, 1.0], [4.0, 1.0]])
     bounds = bounds_from(fleet_of(start, separation_min=ASKED, lost=lost))
     cell, weight = np.array([[2.0, 2.0]]), np.ones((1, 1))
-    ocp = OCP(bounds.planned, cell, weight, 8, 0.5, Ends(start, np.zeros_like(start)))
+    ocp = OCP(bounds.planned, cell, weight, 8, 0.5, BoundaryConditions(start, np.zeros_like(start)))
     required = requirements(ocp, Margins()).separation
     assert required == pytest.approx([NEAR, ASKED + Margins().separation, ASKED + Margins().separation])
 
@@ -218,7 +218,7 @@ def test_within_its_bounds_a_fleet_keeps_them():
     path, state = rest_at(fleet)
     bounds = attainable_bounds(fleet, [path], state)
     assert bounds.fleet is fleet
-    assert not bounds.apart
+    assert not bounds.pair_separation
 
 
 @pytest.mark.parametrize("moved", [0.0, 0.3])
@@ -226,7 +226,7 @@ def test_a_pair_that_is_too_near_may_stay_so_but_no_other_may_come_as_near(moved
     fleet = fleet_at([[0.0, 0.0], [0.4, 0.0], [1.1 - moved, 0.0]])
     path, state = rest_at(fleet, np.array([[0.0, 0.0], [0.4, 0.0], [1.1, 0.0]]))
     bounds = relaxed(fleet, path)
-    assert bounds.apart == {(0, 1): pytest.approx(0.4)}
+    assert bounds.pair_separation == {(0, 1): pytest.approx(0.4)}
     assert bounds.keeps(path, state)
     nearer, there = rest_at(fleet, fleet.start)
     assert bounds.keeps(nearer, there) == (moved == 0.0)

@@ -62,7 +62,7 @@ def test_plain_coverage_has_no_looks():
 def test_all_looks_are_asked_for_in_one_go():
     mission = mission_with({"kind": "looks", "looks": 15})
     coverage, orders = make_map(mission), DemandAllocation(mission.field)
-    _, looks = orders.next(coverage, start_of(mission), in_one_go=True)
+    _, looks = orders.next(coverage, start_of(mission), single_pass=True)
     np.testing.assert_array_equal(looks, 15)
     assert not orders.more
 
@@ -84,6 +84,6 @@ def test_a_question_about_one_go_begins_no_lap_of_a_patrol():
     mission = mission_with(KINDS["ageing"])
     coverage = make_map(mission)
     before = {name: array.copy() for name, array in coverage.state().items()}
-    DemandAllocation(mission.field).next(coverage, start_of(mission, 30.0), in_one_go=True)
+    DemandAllocation(mission.field).next(coverage, start_of(mission, 30.0), single_pass=True)
     for name, array in coverage.state().items():
         np.testing.assert_array_equal(array, before[name])

@@ -15,9 +15,10 @@ from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.control.recovery import Mode
 from mpc_cover.information.build import make_map
 from mpc_cover.model.fleet_state import FleetState
+from mpc_cover.planning.candidate import Candidate
+from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.scp import SCPResult
-from mpc_cover.planning.task import Candidate
 
 
 class FailingPlanner(Planner):
@@ -25,7 +26,7 @@ class FailingPlanner(Planner):
 
     def __init__(self, plan):
         super().__init__("piqp")
-        self.candidate = Candidate(plan, 1.0, feasible=False, kind="useless")
+        self.candidate = Candidate(plan, 1.0, feasible=False, origin=Origin(GuessKind.GIVEN, "useless"))
 
     def thorough(self, task, budget):
         return self.candidate

@@ -7,7 +7,8 @@ from closed_loop import PERIOD, small_mission
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpc_cover.control.horizon import ended_at_rest, horizon_ocp, resolved_steps, spliced
+from mpc_cover.control.horizon import ended_at_rest, horizon_ocp, optimised_steps, spliced
+from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.verification.motion import verify_motion
 
@@ -26,9 +27,9 @@ def random_plan(mission, seed, steps):
 @given(seed=st.integers(0, 10**6), steps=st.integers(2, 40), horizon=st.integers(4, 20))
 def test_beginnings_end_at_rest_within_the_horizon_the_longest_first(seed, steps, horizon):
     mission = small_mission(horizon)
-    plan = random_plan(mission, seed, steps)
+    plan, fleet = random_plan(mission, seed, steps), FleetConstraints.of(mission.fleet)
     kept = steps + 1
-    for beginning in ended_at_rest(plan, mission):
+    for beginning in ended_at_rest(plan, fleet, horizon):
         assert beginning.steps == horizon
         assert not beginning.velocity[-1].any()
         assert beginning.start_time == plan.start_time
@@ -44,20 +45,22 @@ def test_beginnings_end_at_rest_within_the_horizon_the_longest_first(seed, steps
 @given(seed=st.integers(0, 10**6), steps=st.integers(2, 40), horizon=st.integers(4, 20))
 def test_what_is_resolved_leaves_time_to_brake_unless_the_plan_ends_within_the_horizon(seed, steps, horizon):
     mission = small_mission(horizon)
-    plan = random_plan(mission, seed, steps)
-    resolved = resolved_steps(plan, mission)
+    plan, fleet = random_plan(mission, seed, steps), FleetConstraints.of(mission.fleet)
+    resolved = optimised_steps(plan, fleet, horizon)
     assert resolved == (steps if steps <= horizon else max(1, horizon - 2))  # 1.5 m/s at 1.5 m/s^2 takes 1 s
-    assert any(True for _ in ended_at_rest(plan, mission))
+    assert any(True for _ in ended_at_rest(plan, fleet, horizon))
 
 
 def test_a_spliced_plan_is_the_new_beginning_and_then_the_rest():
     mission = small_mission()
     plan = random_plan(mission, 0, 12)
-    ocp = horizon_ocp(plan, mission, np.ones((1, mission.field.size)), 6, 5)
+    fleet, cell = FleetConstraints.of(mission.fleet), mission.field.cell
+    owed = np.ones((1, mission.field.size)), None
+    ocp = horizon_ocp(plan, fleet, cell, owed, 6, 5)
     assert ocp.steps == 5
     np.testing.assert_array_equal(ocp.ends.end_position, plan.position[6])
     np.testing.assert_array_equal(ocp.ends.end_velocity, plan.velocity[6])
-    assert horizon_ocp(plan, mission, np.ones((1, mission.field.size)), 12, 11).ends.end_position is None
+    assert horizon_ocp(plan, fleet, cell, owed, 12, 11).ends.end_position is None
     faster = np.concatenate([plan.velocity[:5], plan.velocity[6:7]])
     joined = spliced(plan, faster, 6)
     assert joined.steps == 11

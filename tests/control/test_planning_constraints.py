@@ -14,19 +14,23 @@ from mpc_cover.model.fleet_state import FleetState
 from mpc_cover.model.tube import tube_of
 
 
-def constraints(**disturbance):
+def disturbed(**disturbance):
     raw = {**TINY, "fleet": {**TINY["fleet"], "communication_range_m": 8.0}, "disturbance": disturbance}
-    return PlanningConstraints(build_mission(raw, "tiny"))
+    return build_mission(raw, "tiny")
 
 
-def state(mission=None, **changes):
-    fleet = (mission or constraints().mission).fleet
+def constraints(**disturbance):
+    return PlanningConstraints(disturbed(**disturbance))
+
+
+def state(**changes):
+    fleet = disturbed().fleet
     return replace(FleetState.nominal(fleet.start, np.zeros_like(fleet.start), 0.0), **changes)
 
 
 def test_range_is_kept_in_reserve_until_it_is_known_who_is_slow():
     known, wary = constraints(), constraints(slow_agents={"a1": 0.5})
-    tube = 2.0 * tube_of(wary.mission).position_m
+    tube = 2.0 * tube_of(disturbed(slow_agents={"a1": 0.5})).position_m
     # two periods of 0.5 s and a report of 0.1 s, 0.5 m/s behind
     assert wary.fleet.communication_range == pytest.approx(8.0 - tube - 0.5 * 1.1)
     assert wary.update(state(speed_share=np.array([0.48, 1.0])), None)
@@ -40,8 +44,9 @@ def test_agents_that_are_as_fast_as_stated_need_no_reserve():
 
 
 def test_most_of_the_range_is_used_all_the_same():
-    wary = constraints(slow_agents={"a1": 0.1}, delay_s=0.5)
-    tight = 8.0 - 2.0 * tube_of(wary.mission).position_m
+    mission = disturbed(slow_agents={"a1": 0.1}, delay_s=0.5)
+    wary = PlanningConstraints(mission)
+    tight = 8.0 - 2.0 * tube_of(mission).position_m
     assert wary.fleet.communication_range >= 0.75 * tight
 
 

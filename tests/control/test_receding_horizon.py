@@ -29,6 +29,7 @@ from mpc_cover.model.constraint_tightening import without_lost
 from mpc_cover.model.fleet_state import FleetState
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.budget import Budget
+from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
 from mpc_cover.planning.initial_guess.rendezvous import out_of_range
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.scp import SCPResult
@@ -205,7 +206,7 @@ class SlowStart(HastyPlanner):
         slow = np.zeros((8, 2, 2))
         slow[:4, :, 0] = 0.25
         plan = Trajectory.from_velocities(task.position, task.velocity, slow, task.start_time, PERIOD)
-        return replace(super().thorough(task, budget), plan=plan, feasible=True, kind="slow")
+        return replace(super().thorough(task, budget), plan=plan, feasible=True, origin=Origin(GuessKind.GIVEN, "slow"))
 
 
 @pytest.mark.parametrize(("gap", "taken"), [(0.55, False), (1.6, True)])
@@ -284,7 +285,7 @@ def steps_after_losing(index):
 
 def test_they_meet_and_then_stop():
     fleet, position, told = steps_after_losing(1)
-    assert told[0] == "meets again"
+    assert told[0] == "rendezvous"
     assert told[-1] == "all is covered"
     assert not out_of_range(position, fleet)
     np.testing.assert_allclose(position[1], START[1])
@@ -309,8 +310,8 @@ def test_those_who_cannot_stop_in_time_meet_before_they_go_on():
         proposal, state = go_on(law, state, coverage)
         told.append(proposal.reason)
         length.append(float(np.linalg.norm(state.position[2] - state.position[0])))
-    assert told[0] == "meets again"
+    assert told[0] == "rendezvous"
     met = next(n for n, value in enumerate(length) if value <= 2.5)
     assert max(length[met:]) <= 2.5 + 1e-6
     assert max(length) < 2.6
-    assert told[-1] != "meets again"
+    assert told[-1] != "rendezvous"

@@ -15,9 +15,9 @@ from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.control.recovery import Mode, ReplanHistory, Situation, next_mode, stays_at
 from mpc_cover.information.build import make_map
 from mpc_cover.planning.budget import Budget
-from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
+from mpc_cover.planning.candidate import evaluate_guess
+from mpc_cover.planning.initial_guess.guess import rest_guess
 from mpc_cover.planning.planner import Planner
-from mpc_cover.planning.task import as_flown
 
 NAMES = [field.name for field in fields(Situation)]
 CASES = [
@@ -54,15 +54,15 @@ def test_coming_to_rest_for_a_plan_is_gone_through_with_until_everyone_has_settl
 def test_it_stops_exactly_where_nothing_is_left_and_nobody_in_flight_has_lost_touch():
     for mode, s in CASES:
         if s.safe and not goes_through(mode, s):
-            over = not s.work_left and not (s.lost_touch and not s.settled)
+            over = not s.work_left and not (s.disconnected_by_loss and not s.settled)
             assert (next_mode(mode, s) is Mode.STOP) == over
 
 
 def test_those_who_may_lose_each_other_meet_before_the_mission_goes_on():
     for mode, s, after in left_to(Mode.RENDEZVOUS):
-        no_way_within_range = s.out_of_plans and s.torn
-        flies_apart = s.parted and not (s.on_plan and mode is not Mode.RENDEZVOUS)
-        assert (after is Mode.RENDEZVOUS) == (s.can_meet and (no_way_within_range or flies_apart))
+        no_way_within_range = s.no_plan_found and s.range_infeasible
+        flies_apart = s.disconnected and not (s.on_plan and mode is not Mode.RENDEZVOUS)
+        assert (after is Mode.RENDEZVOUS) == (s.rendezvous_possible and (no_way_within_range or flies_apart))
 
 
 def test_it_comes_to_rest_for_a_plan_exactly_where_that_promises_more():
@@ -71,13 +71,13 @@ def test_it_comes_to_rest_for_a_plan_exactly_where_that_promises_more():
 
 
 def test_who_cannot_meet_does_not_try():
-    assert all(next_mode(mode, replace(s, can_meet=False)) is not Mode.RENDEZVOUS for mode, s in CASES)
+    assert all(next_mode(mode, replace(s, rendezvous_possible=False)) is not Mode.RENDEZVOUS for mode, s in CASES)
 
 
 def test_a_meeting_that_has_begun_goes_on_until_nobody_is_apart():
     for mode, s in CASES:
-        if mode is Mode.RENDEZVOUS and s.safe and s.can_meet and s.work_left:
-            assert next_mode(mode, s) is Mode.RENDEZVOUS or not s.parted
+        if mode is Mode.RENDEZVOUS and s.safe and s.rendezvous_possible and s.work_left:
+            assert next_mode(mode, s) is Mode.RENDEZVOUS or not s.disconnected
 
 
 def test_only_a_meeting_and_a_way_to_rest_are_remembered():
@@ -92,7 +92,7 @@ def test_without_news_a_mode_stays():
         after = next_mode(mode, situation)
         again = next_mode(after, situation)
         # a meeting is gone through with, even on a plan, once it has begun
-        assert again is after or (again is Mode.RENDEZVOUS and situation.parted)
+        assert again is after or (again is Mode.RENDEZVOUS and situation.disconnected)
 
 
 # the transitions by name
@@ -104,26 +104,36 @@ TRANSITIONS = [
     ("something is owed again", Mode.STOP, WELL, Mode.NOMINAL),
     ("no plan passes", Mode.NOMINAL, replace(WELL, safe=False), Mode.BRAKE),
     ("a plan passes again", Mode.BRAKE, WELL, Mode.NOMINAL),
-    ("a relay is lost", Mode.NOMINAL, replace(WELL, parted=True, lost_touch=True), Mode.RENDEZVOUS),
-    ("on a plan that keeps the range", Mode.NOMINAL, replace(WELL, parted=True, on_plan=True), Mode.NOMINAL),
-    ("they are still apart", Mode.RENDEZVOUS, replace(WELL, parted=True, on_plan=True), Mode.RENDEZVOUS),
+    ("a relay is lost", Mode.NOMINAL, replace(WELL, disconnected=True, disconnected_by_loss=True), Mode.RENDEZVOUS),
+    ("on a plan that keeps the range", Mode.NOMINAL, replace(WELL, disconnected=True, on_plan=True), Mode.NOMINAL),
+    ("they are still apart", Mode.RENDEZVOUS, replace(WELL, disconnected=True, on_plan=True), Mode.RENDEZVOUS),
     ("they have met", Mode.RENDEZVOUS, WELL, Mode.NOMINAL),
     ("they have met, and all is covered", Mode.RENDEZVOUS, replace(WELL, work_left=False), Mode.STOP),
     (
         "all is covered, but some are out of range",
         Mode.NOMINAL,
-        replace(WELL, work_left=False, parted=True, lost_touch=True),
+        replace(WELL, work_left=False, disconnected=True, disconnected_by_loss=True),
         Mode.RENDEZVOUS,
     ),
     (
         "all is covered, some are out of range, and everyone rests",
         Mode.RENDEZVOUS,
-        replace(WELL, work_left=False, parted=True, lost_touch=True, settled=True),
+        replace(WELL, work_left=False, disconnected=True, disconnected_by_loss=True, settled=True),
         Mode.STOP,
     ),
-    ("no way leads to a meeting", Mode.RENDEZVOUS, replace(WELL, parted=True, can_meet=False), Mode.NOMINAL),
-    ("torn, and no plan is left", Mode.NOMINAL, replace(WELL, torn=True, out_of_plans=True), Mode.RENDEZVOUS),
-    ("torn, on a plan", Mode.NOMINAL, replace(WELL, torn=True, on_plan=True), Mode.NOMINAL),
+    (
+        "nobody can meet",
+        Mode.RENDEZVOUS,
+        replace(WELL, disconnected=True, rendezvous_possible=False),
+        Mode.NOMINAL,
+    ),
+    (
+        "torn, without a plan",
+        Mode.NOMINAL,
+        replace(WELL, range_infeasible=True, no_plan_found=True),
+        Mode.RENDEZVOUS,
+    ),
+    ("torn, on a plan", Mode.NOMINAL, replace(WELL, range_infeasible=True, on_plan=True), Mode.NOMINAL),
     ("steps are too short", Mode.NOMINAL, replace(WELL, worth_replanning=True), Mode.REPLAN_AT_REST),
     ("still moving", Mode.REPLAN_AT_REST, WELL, Mode.REPLAN_AT_REST),
     ("all is covered on the way to rest", Mode.REPLAN_AT_REST, replace(WELL, work_left=False), Mode.REPLAN_AT_REST),
@@ -156,7 +166,7 @@ def test_patience_doubles_with_every_planning_in_vain_and_begins_anew_after_one_
     history = ReplanHistory(planning_s)
     for mode in ends:
         before, history = history, history.after(mode)
-        assert history.patience == (2.0 * before.patience if mode is Mode.REPLAN_AT_REST else 1.0)
+        assert history.time_factor == (2.0 * before.time_factor if mode is Mode.REPLAN_AT_REST else 1.0)
 
 
 @given(planning)
@@ -164,10 +174,10 @@ def test_poor_plans_are_planned_again_three_times_or_until_planning_is_long(plan
     history, nothing = ReplanHistory(planning_s), np.ones((1, 10))
     longest = planning_s
     while history.is_poor(nothing, nothing):
-        longest = planning_s * history.patience
+        longest = planning_s * history.time_factor
         history = history.after(Mode.REPLAN_AT_REST)
-    assert history.in_vain >= 3
-    assert history.in_vain == 3 or 8.0 <= 2.0 * longest < 32.0
+    assert history.failed_attempts >= 3
+    assert history.failed_attempts == 3 or 8.0 <= 2.0 * longest < 32.0
 
 
 @given(st.integers(1, 40), st.data())
@@ -215,7 +225,7 @@ class Resting(Planner):
         if len(self.asked) > self.resting:
             return super().thorough(task, Budget.counted(0.5))
         still = rest_guess(task.position)
-        return as_flown(task, still, task.flown(still, task.least_steps))
+        return evaluate_guess(task, still, task.least_steps)
 
 
 def thoughts(mission, planner, count):

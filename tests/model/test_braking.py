@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motions import PERIOD
 
-from mpc_cover.model.braking import braked, braking_slope, braking_trajectory, braking_velocities
+from mpc_cover.model.braking import braking_distance_gradient, braking_position, braking_trajectory, braking_velocities
 from mpc_cover.verification.motion import verify_motion
 
 
@@ -46,9 +46,9 @@ def test_the_way_that_braking_takes_has_this_slope(seed):
 
     def way(v):
         zero = np.zeros((1, 2))
-        each = [braked(zero, v[i : i + 1], later[i : i + 1], input_max[i : i + 1])[0, 0] for i in range(5)]
+        each = [braking_position(zero, v[i : i + 1], later[i : i + 1], input_max[i : i + 1])[0, 0] for i in range(5)]
         return np.einsum("cd,cd->c", normal, np.array(each))
 
-    slope = braking_slope(normal, velocity, later, input_max)
+    slope = braking_distance_gradient(normal, velocity, later, input_max)
     gained = np.einsum("cd,cd->c", slope, change)
     assert way(velocity + change) - way(velocity) == pytest.approx(gained, abs=1e-10)

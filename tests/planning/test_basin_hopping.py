@@ -9,7 +9,7 @@ from motions import EXHAUSTED, UNLIMITED, random_window
 
 from mpc_cover.mission.load import load_mission
 from mpc_cover.planning.basin_hopping import basin_hopping, perturbed, reweighted
-from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
+from mpc_cover.planning.initial_guess.guess import rest_guess
 from mpc_cover.planning.multistart import Search, multistart
 from mpc_cover.planning.offline import offline_task
 from mpc_cover.planning.scp import evaluate, optimise
@@ -42,7 +42,9 @@ def test_hops_are_never_worse_feasible_and_reproducible(seed):
     best = optimise(ocp, x, backend, budget=UNLIMITED)
     heard, bounds = [], {"rounds": 3, "budget": UNLIMITED}
     runs = [
-        basin_hopping(ocp, best, backend, **bounds, guesses=[x], seed=seed, told=lambda found: heard.append(found.cost))
+        basin_hopping(
+            ocp, best, backend, **bounds, guesses=[x], seed=seed, on_progress=lambda found: heard.append(found.cost)
+        )
         for _ in range(2)
     ]
     np.testing.assert_array_equal(runs[0].x, runs[1].x)
@@ -71,7 +73,7 @@ def test_from_rest_hops_cover_what_a_descent_leaves():
     backend = make_backend("piqp")
     descent = optimise(ocp, x, backend, budget=UNLIMITED)
     found = multistart(task, backend, 30, Search(rounds=4), UNLIMITED, given={"still": x})[0]
-    assert found.kind == "still"
+    assert found.origin.name == "still"
     assert descent.cost > 0.0
     assert found.feasible
     assert found.cost < 0.9 * descent.cost

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from motions import random_window
 
 from mpc_cover.mission.load import load_mission
+from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.min_time import plan_free_horizon
 from mpc_cover.planning.planner import Planner
@@ -125,7 +126,7 @@ def test_counted_work_ends_a_descent_after_the_qp_at_hand():
 def task(looked_at=200):
     mission = load_mission("box-3")
     weight = np.where(np.arange(mission.field.size) < looked_at, 1.0, 0.0)[None]
-    fleet = mission.fleet
+    fleet = FleetConstraints.of(mission.fleet)
     return Task(fleet, mission.field.cell, weight, fleet.start, np.zeros_like(fleet.start), 0.0, 0.5)
 
 

@@ -9,8 +9,12 @@ import pytest
 from flights import fleet_of
 from motions import EXHAUSTED, PERIOD, UNLIMITED, grid
 
+from mpc_cover.mission.load import load_mission
+from mpc_cover.planning.candidate import evaluate_guess
+from mpc_cover.planning.initial_guess.guess import GuessKind
 from mpc_cover.planning.min_time import plan_free_horizon, plan_min_time
 from mpc_cover.planning.multistart import Search
+from mpc_cover.planning.offline import offline_task
 from mpc_cover.planning.task import Task
 from mpc_cover.verification.motion import verify_motion
 from solvers.backends.registry import make_backend
@@ -46,6 +50,19 @@ def test_a_whole_plan_covers_everything_and_verifies(backend):
     assert found.complete
     assert holds(task, found.plan)
     assert found.plan.steps * PERIOD < 8.0
+
+
+@pytest.mark.parametrize("name", ["box-3", "volume-3"])
+def test_a_thorough_search_compares_every_kind_of_guess_in_the_plane_and_in_space(name, monkeypatch):
+    flown = set()
+
+    def seen(task, guess, steps=None):
+        flown.add(guess.origin.kind)
+        return evaluate_guess(task, guess, steps)
+
+    monkeypatch.setattr("mpc_cover.planning.min_time.evaluate_guess", seen)
+    plan_free_horizon(offline_task(load_mission(name)), make_backend("piqp"), attempts=0, budget=UNLIMITED)
+    assert flown >= {GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST}
 
 
 def test_a_single_agent_plans_too():
@@ -85,7 +102,8 @@ def test_the_shortest_plan_is_complete_and_one_sample_less_was_tried():
         make_backend("piqp"),
         search=Search(starts=4, finalists=1),
         budget=UNLIMITED,
-        told=lambda n, c: told.append((n, c.complete)),
+        on_progress=lambda n, c: told.append((n, c.complete)),
+        failures=1,
     )
     assert found.complete
     assert holds(task, found.plan)

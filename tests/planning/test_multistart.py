@@ -53,7 +53,7 @@ def test_a_start_that_is_given_takes_the_way_of_a_guess():
     x = task.ocp(12).decision_of(task.flown(guess, 12))
     own, given = (multistart(task, backend, 12, alone, UNLIMITED, given=start) for start in (None, {"mine": x}))
     assert [one.plan.velocity.tobytes() for one in own] == [one.plan.velocity.tobytes() for one in given]
-    assert {one.kind for one in given} == {"mine", "rest"}
+    assert {one.origin.name for one in given} == {"mine", "rest"}
 
 
 def test_whoever_looks_on_sees_all_iterates_and_changes_nothing():
@@ -75,9 +75,12 @@ def test_whoever_looks_on_may_end_the_search():
 
 def test_more_starts_are_random_relatives_and_the_same_for_a_seed():
     task = small_task()
-    names = [[g.kind for g, _ in zip(initial_guesses(task, Search(seed=4)), range(24), strict=False)] for _ in range(2)]
+    names = [
+        [g.origin.name for g, _ in zip(initial_guesses(task, Search(seed=4)), range(24), strict=False)]
+        for _ in range(2)
+    ]
     assert names[0] == names[1]
     assert len(set(names[0])) == 24
     assert "random" in names[0][-1]
-    only = list(initial_guesses(task, Search(kinds=("tour", names[0][1]))))
-    assert [guess.kind for guess in only] == ["tour", names[0][1]]
+    only = list(initial_guesses(task, Search(names=("tour", names[0][1]))))
+    assert [guess.origin.name for guess in only] == ["tour", names[0][1]]

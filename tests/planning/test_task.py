@@ -19,7 +19,7 @@ def test_a_cell_is_left_over_until_all_its_looks_are_taken():
     task = Task(fleet, field.cell, weight, *still, looks=looks)
     plan = Trajectory.at_rest(fleet.start, 0.0, 0.5, 2)  # three samples
     near = look_counts(fleet.start[None], field.cell, fleet.radius)
-    left = task.owed_after(plan)
+    left = task.remaining_after(plan)
     np.testing.assert_array_equal(left, np.where(3 * near >= looks, 0.0, 2.0))
     assert (left[near > 0] > 0.0).any()
     assert (left == 0.0).any()

@@ -197,7 +197,7 @@ FAULTS = {
     "a start at another time": (lambda plan, _: plan.shift(0.5), "samples must lie every 0.5 s"),
     "a jump": (lambda plan, _: _with(plan, "position", 1.0), "dynamics of position"),
     "another period": (lambda plan, _: replace(plan, period=0.25), "must be 0.5 s"),
-    "no period": (lambda plan, _: replace(plan, period=np.nan), "period is nan s, must be 0.5 s"),
+    "no period": (lambda plan, _: replace(plan, period=np.nan), "must be 0.5 s"),
     "a matrix for its times": (lambda plan, _: replace(plan, time=plan.time[None]), "time has shape"),
     "words for numbers": (lambda plan, _: replace(plan, input=plan.input.astype(str)), "input must be an array"),
     "lists for arrays": (lambda plan, _: replace(plan, input=plan.input.tolist()), "input must be an array"),

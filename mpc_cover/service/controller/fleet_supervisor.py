@@ -11,11 +11,11 @@ from mpc_cover.control.reachability import reachable
 from mpc_cover.model.constraint_tightening import tightened, without_lost
 from mpc_cover.model.fleet_state import FleetState
 from mpc_cover.model.trajectory import SNAP_S
+from mpc_cover.service.agent.recorded_motion import motion_of, rests_from
 from mpc_cover.service.controller.failure_detector import SILENT_PART, FailureDetector, FailureMode
 from mpc_cover.service.controller.plan_publisher import UnknownPlanError
 from mpc_cover.service.controller.speed_estimation import SpeedEstimator
 from mpc_cover.service.controller.state_prediction import StatePredictor, resting
-from mpc_cover.service.run.recording import motion_of, rests_from
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpc_cover import __version__
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.distributed.setup import check_flyable
 from mpc_cover.service.run.daemon import INTERRUPTED, Signals
@@ -18,6 +17,7 @@ from mpc_cover.service.run.demo_watch import COMPLETE, LOOK_S, MOURNING_S, kill_
 from mpc_cover.service.run.processes import Child, end_all, free_port
 from mpc_cover.service.run.progress import Progress
 from mpc_cover.service.run.swarm_observer import SwarmObserver
+from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
     from rich.console import Console

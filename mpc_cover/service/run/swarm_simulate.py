@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover import __version__
 from mpc_cover.clock import VirtualClock
 from mpc_cover.service.protocol.local import LocalBus
 from mpc_cover.service.run.recording import merge
 from mpc_cover.service.run.simulated_agent import SimulatedAgent
 from mpc_cover.service.run.swarm_observer import SwarmObserver
 from mpc_cover.service.swarm.agent import SwarmAgent
+from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

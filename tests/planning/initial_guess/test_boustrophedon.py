@@ -10,7 +10,9 @@ from motions import PERIOD, grid
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.mission.load import load_mission
 from mpc_cover.model.sensing import measured
-from mpc_cover.planning.initial_guess.boustrophedon import rest_guess, sweep_guesses, tour_guess
+from mpc_cover.planning.initial_guess.boustrophedon import sweep_guesses
+from mpc_cover.planning.initial_guess.guess import GuessKind, rest_guess
+from mpc_cover.planning.initial_guess.tour import tour_guess
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 
 
@@ -23,9 +25,9 @@ def test_sweeps_and_tours_cover_nearly_everything_as_they_fly(name):
     for guess in [*sweep_guesses(fleet, cell, owed, fleet.start, PERIOD), tour_guess(fleet, cell, owed, fleet.start)]:
         flight = track_waypoints(guess.paths, fleet.start, np.zeros_like(fleet.start), fleet, PERIOD)
         seen = np.any([measured(q, cell, fleet.radius) for q in flight.position], axis=0)
-        kinds.add(guess.kind.split()[0])
-        assert seen.mean() > 0.9, guess.kind
-    assert kinds == {"strips", "snake", "comb", "tour"}
+        kinds.add(guess.origin.kind)
+        assert seen.mean() > 0.9, guess.origin.name
+    assert kinds == {GuessKind.STRIPS, GuessKind.SNAKE, GuessKind.COMB, GuessKind.TOUR}
 
 
 def test_a_tour_visits_what_is_left_over_with_whoever_can_measure_it():

@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motions import EXHAUSTED, PERIOD, UNLIMITED, grid
 
-from mpc_cover.planning.initial_guess.boustrophedon import rest_guess
+from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.formation import formation_flight
+from mpc_cover.planning.initial_guess.guess import GuessKind, rest_guess
 from mpc_cover.planning.min_time import plan_free_horizon
 from mpc_cover.planning.multistart import Search
-from mpc_cover.planning.task import Task, as_flown
+from mpc_cover.planning.task import Task
 from mpc_cover.verification.motion import verify_motion
 from solvers.backends.registry import make_backend
 
@@ -117,11 +118,11 @@ def test_a_crowd_that_no_qp_sorts_out_moves_all_the_same(monkeypatch):
 
     def in_vain(task, backend, steps, *_):
         still = rest_guess(task.position)
-        return [as_flown(task, still, task.flown(still, steps))]
+        return [evaluate_guess(task, still, steps)]
 
     monkeypatch.setattr("mpc_cover.planning.min_time.multistart", in_vain)
     found = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1), budget=UNLIMITED)
     assert found.complete
-    assert found.kind == "rest, then convoy"
+    assert found.origin == (GuessKind.REST, "rest, then formation")
     late = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1), budget=EXHAUSTED)
-    assert late.kind == "rest"
+    assert late.kind is GuessKind.REST

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from motions import PERIOD, grid
 
-from mpc_cover.planning.initial_guess.lanes import assign, cut_lanes, cut_snake, strips, swath_of, take_pieces
+from mpc_cover.planning.initial_guess.lanes import assign, assign_pieces, cut_lanes, cut_snake, strips, swath_of
 
 
 def test_lanes_are_as_few_as_the_swath_allows_and_leave_no_cell_out():
@@ -32,7 +32,7 @@ def test_a_cut_snake_is_one_path_in_pieces_of_the_shares_asked_for():
 
 def test_pieces_go_to_whoever_is_near_in_the_better_direction():
     pieces = [np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([[9.0, 9.0], [5.0, 9.0]])]
-    flown = take_pieces(pieces, np.array([[5.0, 8.0], [4.0, 1.0]]), np.ones(2))
+    flown = assign_pieces(pieces, np.array([[5.0, 8.0], [4.0, 1.0]]), np.ones(2))
     assert flown[0][0].tolist() == [5.0, 9.0]
     assert flown[1][0].tolist() == [4.0, 0.0]
 

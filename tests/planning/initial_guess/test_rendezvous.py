@@ -13,7 +13,8 @@ from mpc_cover.control.constraint_relaxation import attainable_bounds, longest_e
 from mpc_cover.control.obstacle_trajectories import path_among
 from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.fleet_state import FleetState
-from mpc_cover.planning.initial_guess.rendezvous import out_of_range, rendezvous_plans
+from mpc_cover.planning.initial_guess.rendezvous import Rendezvous, out_of_range
+from mpc_cover.planning.task import Task
 
 PERIOD = 0.5
 
@@ -36,7 +37,9 @@ def reunite(fleet, velocity):
     """Return the bounds that hold from the fleet's start with these velocities, and the first plan that keeps them."""
     state = state_of(fleet, velocity)
     bounds = attainable_bounds(fleet, [braking_from(state, fleet)], state.actual)
-    plans = rendezvous_plans(state, fleet, PERIOD)
+    nothing = np.zeros((0, fleet.dimension)), np.zeros((1, 0))
+    task = Task(fleet, *nothing, state.position, state.velocity, state.time, PERIOD)
+    plans = (guess.motion for guess in Rendezvous().guesses(task))
     return bounds, next((plan for plan in plans if bounds.keeps(path_among(plan, state), state.actual)), None)
 
 

@@ -10,11 +10,12 @@ from flights import fleet_of
 from motions import EXHAUSTED, PERIOD, UNLIMITED, grid
 
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.initial_guess.boustrophedon import Guess
+from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.dwell_time_lp import solve_dwell_times, timed_samples
-from mpc_cover.planning.initial_guess.timed_sweeps import repaired, timed_sweeps
+from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
+from mpc_cover.planning.initial_guess.timed_sweeps import repair_sweeps, timed_sweeps
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_samples
-from mpc_cover.planning.task import Task, as_flown
+from mpc_cover.planning.task import Task
 from mpc_cover.verification.motion import verify_motion
 from solvers.backends.registry import make_backend
 
@@ -40,7 +41,7 @@ def test_a_slow_sweep_brings_all_looks_and_keeps_every_bound(velocity):
     task = many_looks(velocity=velocity)
     best = min(timed_sweeps(task, 18, UNLIMITED), key=lambda candidate: candidate.rank)
     assert best.complete
-    assert best.kind.startswith("slow ")
+    assert best.kind is GuessKind.TIMED_SWEEP
     plan = best.plan
     assert (look_counts(plan.position, task.cell, task.fleet.radius) >= task.looks).all()
     report = verify_motion(task.fleet, plan.time, plan.position, plan.velocity, plan.input, at_rest=True)
@@ -69,9 +70,9 @@ def test_plans_that_break_the_separation_are_mended():
     dwelling = solve_dwell_times(paths, task.fleet, task.cell, task.looks.astype(float), PERIOD)
     steps = int(np.ceil(max(samples.sum() for samples in dwelling.samples))) + 1
     motion = track_samples(timed_samples(dwelling, steps), task.position, task.velocity, task.fleet, PERIOD)
-    flown = [as_flown(task, Guess("crossing", crossing), motion)]
+    flown = [evaluate_guess(task, Guess(Origin(GuessKind.GIVEN, "crossing"), motion=motion))]
     assert not any(candidate.feasible for candidate in flown)
-    best = repaired(task, flown, make_backend("piqp"), 1, UNLIMITED)[0]
+    best = repair_sweeps(task, flown, make_backend("piqp"), 1, UNLIMITED)[0]
     assert best.feasible
     assert best.refined.violation < min(candidate.refined.violation for candidate in flown)
-    assert not repaired(task, flown, make_backend("piqp"), 1, EXHAUSTED)
+    assert not repair_sweeps(task, flown, make_backend("piqp"), 1, EXHAUSTED)

@@ -81,13 +81,13 @@ def test_those_whom_a_relay_leaves_apart_meet_and_finish(without_relay):
 
 def test_they_turn_to_each_other_within_two_periods(without_relay):
     died = without_relay.trajectory.meta["lost"]["a2"]
-    turned = next(step for step in without_relay.steps if step.reason == "meets again")
+    turned = next(step for step in without_relay.steps if step.reason == "rendezvous")
     assert turned.mission_time_s <= died + 2.0 * 0.5 + 1e-6
 
 
 def test_then_they_come_nearer_all_the_time(without_relay):
     trajectory = without_relay.trajectory
-    turned = next(step for step in without_relay.steps if step.reason == "meets again").mission_time_s
+    turned = next(step for step in without_relay.steps if step.reason == "rendezvous").mission_time_s
     apart = np.linalg.norm(trajectory.position[:, 0] - trajectory.position[:, 2], axis=1)
     while_apart = apart[(trajectory.time >= turned + 1.0) & (apart > 2.5)]  # a second is what braking takes
     assert while_apart.size

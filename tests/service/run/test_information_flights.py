@@ -11,7 +11,7 @@ from mission_kinds import mission_with as kinds_mission
 from sweep_laws import WatchedLaw
 
 from mpc_cover.control.receding_horizon import RecedingHorizon
-from mpc_cover.planning.candidate import as_flown
+from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.guess import rest_guess
 from mpc_cover.planning.initial_guess.tour import tour_guess
 from mpc_cover.planning.planner import Planner
@@ -71,7 +71,7 @@ def test_where_no_way_on_is_found_in_flight_it_is_planned_at_rest(monkeypatch):
     prepared = []
 
     def nothing(_planner, task, _budget):
-        return as_flown(task, rest_guess(task.position), task.least_steps)
+        return evaluate_guess(task, rest_guess(task.position), task.least_steps)
 
     def thorough(_planner, task, _budget):
         prepared.append(task)
@@ -94,7 +94,7 @@ def one_lap(task):
     for pilot in (0, 1):
         paths = [path if i == pilot else task.position[i][None] for i, path in enumerate(tour.paths)]
         guess = replace(tour, paths=paths)
-        found.append(as_flown(task, guess))
+        found.append(evaluate_guess(task, guess))
     return min(found, key=lambda candidate: (not candidate.feasible, candidate.cost))
 
 

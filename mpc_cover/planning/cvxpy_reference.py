@@ -1,7 +1,7 @@
-"""The same subproblem once more in CVXPY, in the open: the reference formulation.
+"""The convex subproblem in CVXPY: the reference formulation of `subproblem`.
 
-Tests hold the hand-assembled QP against it. A researcher can append terms to `terms` or constraints to
-`constraints` and solve with any CVXPY solver. It canonicalises, so no control loop ever calls it.
+Tests compare the hand-assembled QP with it. A researcher can append terms to `terms` or constraints to
+`constraints` and solve with any CVXPY solver. Canonicalisation makes it too slow for a control loop.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(eq=False)
-class Reference:
+class CvxpySubproblem:
     """The subproblem around an iterate, as CVXPY expressions.
 
     Attributes
@@ -47,7 +47,7 @@ class Reference:
     constraints: list[Any]
 
     def problem(self) -> Any:
-        """Return the problem as it stands, appended terms and constraints included."""
+        """Return the CVXPY problem, appended terms and constraints included."""
         return cp.Problem(cp.Minimize(sum(self.terms)), self.constraints)
 
     def solve(self, solver: str = "CLARABEL", **options: Any) -> float:
@@ -55,8 +55,10 @@ class Reference:
         return float(self.problem().solve(solver=solver, **options))
 
 
-def build_reference(ocp: OCP, settings: Settings, required: Requirements, x: FloatArray, radius: float) -> Reference:
-    """Write down the convex subproblem around the decision vector `x`; arguments as in `build_subproblem`."""
+def build_cvxpy_subproblem(
+    ocp: OCP, settings: Settings, required: Requirements, x: FloatArray, radius: float
+) -> CvxpySubproblem:
+    """Return the convex subproblem around the decision vector `x`; arguments as in `subproblem.build_subproblem`."""
     bar_q, bar_v = ocp.motion(x)
     shape = ocp.fleet.start.shape
     force = [cp.Variable(shape) for _ in range(ocp.steps)]
@@ -68,20 +70,20 @@ def build_reference(ocp: OCP, settings: Settings, required: Requirements, x: Flo
         constraints += [q == position[-1] + step * velocity[-1] + 0.5 * step**2 * u, v == velocity[-1] + step * u]
         position.append(q)
         velocity.append(v)
-    found = Reference(position, velocity, force, [], constraints)
+    found = CvxpySubproblem(position, velocity, force, [], constraints)
     _add_limits(found, ocp, settings, bar_v)
     _add_bounds(found, ocp, bar_q, radius)
     _add_coverage(found, ocp, settings, bar_q, radius)
     _add_pairs(found, ocp, settings, required, (bar_q, bar_v), radius)
-    _add_room_to_stop(found, ocp, settings, (bar_q, bar_v), radius)
+    _add_passive_safety(found, ocp, settings, (bar_q, bar_v), radius)
     for bar, now in ((bar_q, position), (bar_v, velocity)):
         change = cp.vstack([now[n] - bar[n] for n in range(ocp.steps + 1)])
         found.terms.append(0.5 * settings.proximal * cp.sum_squares(change))
     return found
 
 
-def _add_limits(found: Reference, ocp: OCP, settings: Settings, bar_v: FloatArray) -> None:
-    """Add polytopes inside the discs of speed and input (4.13, 4.14)."""
+def _add_limits(found: CvxpySubproblem, ocp: OCP, settings: Settings, bar_v: FloatArray) -> None:
+    """Add speed and input limits (4.13, 4.14), as polytopes inscribed in their discs or as cones."""
     facets = inscribed(ocp.fleet.dimension, settings.sides)
     share = settings.margins.limit_share * (1.0 if settings.exact_cones else facets.shrink)
     for i in range(ocp.fleet.size):
@@ -97,10 +99,10 @@ def _add_limits(found: Reference, ocp: OCP, settings: Settings, bar_v: FloatArra
             found.constraints.append(cp.abs(force @ u[i]) <= share * ocp.fleet.input_max[i])
 
 
-def _add_bounds(found: Reference, ocp: OCP, bar_q: FloatArray, radius: float) -> None:
-    """Add the motion box (4.15, 4.16), the trust region and the end (4.17)."""
+def _add_bounds(found: CvxpySubproblem, ocp: OCP, bar_q: FloatArray, radius: float) -> None:
+    """Add the motion box (4.15, 4.16), the trust region and the boundary conditions (4.17)."""
     fleet, ends = ocp.fleet, ocp.ends
-    between = (fleet.input_max * ocp.period**2 / 8.0)[:, None]  # what a path may leave its chord by
+    between = (fleet.input_max * ocp.period**2 / 8.0)[:, None]  # deviation of a path from its chord
     given = {0: ends.start_position, ocp.steps: ends.end_position}
     for n in range(ocp.steps + 1):
         if given.get(n) is not None:
@@ -118,7 +120,7 @@ def _add_bounds(found: Reference, ocp: OCP, bar_q: FloatArray, radius: float) ->
         found.constraints += [found.position[-1] == found.position[0], found.velocity[-1] == found.velocity[0]]
 
 
-def _add_coverage(found: Reference, ocp: OCP, settings: Settings, bar_q: FloatArray, radius: float) -> None:
+def _add_coverage(found: CvxpySubproblem, ocp: OCP, settings: Settings, bar_q: FloatArray, radius: float) -> None:
     """Add sum gamma pos(level + sum slope . (q - qbar)), and the curvature of the terms above zero."""
     majoriser = build_majoriser(bar_q, ocp.cell, ocp.fleet.radius, ocp.weight, settings.softness, ocp.looks)
     agents, dimension = ocp.fleet.start.shape
@@ -139,7 +141,7 @@ def _add_coverage(found: Reference, ocp: OCP, settings: Settings, bar_q: FloatAr
 
 
 def _add_pairs(
-    found: Reference,
+    found: CvxpySubproblem,
     ocp: OCP,
     settings: Settings,
     required: Requirements,
@@ -169,22 +171,22 @@ def _add_pairs(
         _add_elastic(found, rows, settings.penalty)
 
 
-def _add_room_to_stop(
-    found: Reference, ocp: OCP, settings: Settings, motion: tuple[FloatArray, FloatArray], radius: float
+def _add_passive_safety(
+    found: CvxpySubproblem, ocp: OCP, settings: Settings, motion: tuple[FloatArray, FloatArray], radius: float
 ) -> None:
-    """Add elastic half-spaces for those who may have to brake: clear of one another, and inside the box."""
+    """Add elastic half-spaces of passive safety: braking agents are not hit and stay inside the box."""
     fleet, layout = ocp.fleet, Layout(ocp.steps, *ocp.fleet.start.shape)
     if fleet.reaction_periods == 0:
         return
     reach = min(2.0 * radius, settings.stop_reach)
     for moment in stop_instants(fleet.reaction_periods):
-        met = braking_encounters(*motion, ocp.period, fleet, moment, reach)
-        _add_elastic(found, passive_safety_rows(layout, *motion, ocp.period, fleet, met), settings.penalty)
+        encounters = braking_encounters(*motion, ocp.period, fleet, moment, reach)
+        _add_elastic(found, passive_safety_rows(layout, *motion, ocp.period, fleet, encounters), settings.penalty)
     _add_elastic(found, box_overshoot_rows(layout, *motion, fleet, reach, ocp.first), settings.penalty)
 
 
-def _add_elastic(found: Reference, rows: Rows, penalty: float) -> None:
-    """Charge each group of rows that shares a slack for the largest excess among them."""
+def _add_elastic(found: CvxpySubproblem, rows: Rows, penalty: float) -> None:
+    """Add rows with an l1 penalty: rows that share a slack are penalised by the largest violation among them."""
     if rows.count == 0 or rows.elastic is None:
         return
     stacked = cp.hstack([cp.vec(part, order="C") for part in (*found.position, *found.velocity)])

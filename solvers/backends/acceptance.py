@@ -1,4 +1,4 @@
-"""Residuals, not a library's word, decide whether a QP is solved."""
+"""Acceptance of QP solutions: the status follows from the residuals rather than from the library's status."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from solvers.residuals import Residuals, Tolerances
 
-JUDGED = frozenset(
+OVERRULABLE = frozenset(
     {
         Status.SOLVED,
         Status.INACCURATE,
@@ -24,12 +24,12 @@ JUDGED = frozenset(
         Status.UNKNOWN,
     }
 )
-"""Native outcomes that good residuals overrule; a proof of infeasibility is not among them."""
+"""Native statuses that small residuals overrule; certificates of infeasibility are not among them."""
 
 
 @dataclass(frozen=True)
 class RawSolution:
-    """What the native solver said, translated but not judged."""
+    """The native solver's result with its status translated, before residuals are checked."""
 
     x: NDArray[np.float64]
     y: NDArray[np.float64]
@@ -39,9 +39,9 @@ class RawSolution:
     cone_dual: NDArray[np.float64] | None = None
 
 
-def judge(raw: RawSolution, residuals: Residuals, acceptance: Tolerances) -> Status:
-    """Return the status that the residuals of a raw solution warrant."""
-    if raw.status not in JUDGED:
+def accepted_status(raw: RawSolution, residuals: Residuals, acceptance: Tolerances) -> Status:
+    """Return the status of a raw solution in the light of its residuals."""
+    if raw.status not in OVERRULABLE:
         return raw.status
     if not (np.isfinite(raw.x).all() and np.isfinite(raw.y).all()):
         return Status.NUMERICAL_ERROR
