@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpc_cover.distributed.obstacle_detour import detour
+from mpc_cover.distributed.stall_escape import detour
 
 number = st.floats(-5.0, 5.0)
 

@@ -15,7 +15,7 @@ from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.service.agent.agent import Agent
 from mpc_cover.service.agent.recorder import MemoryRecorder
 from mpc_cover.service.agent.schedule import predict
-from mpc_cover.service.controller.tick import Controller
+from mpc_cover.service.controller.controller import Controller
 from mpc_cover.service.protocol.decoding import decode_event, decode_state
 from mpc_cover.service.protocol.keys import Keys
 from mpc_cover.service.protocol.local import LocalBus

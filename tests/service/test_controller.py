@@ -32,7 +32,7 @@ def test_a_mission_from_waiting_to_everyone_at_rest(bench, fleet, law):
     assert law.coverage.complete
     assert all(agent.at_rest for agent in fleet)
     assert not Counter(agent.rejected for agent in fleet if agent.rejected)
-    assert not controller.fleet.rejected
+    assert not controller.fleet_monitor.rejected
 
 
 def test_it_waits_for_every_agent_and_says_for_whom(bench, law):
@@ -107,7 +107,7 @@ def test_ticks_lie_on_the_grid_and_missed_ones_are_skipped(bench, fleet, law):
     for agent in fleet:
         agent.tick()
     controller.tick()
-    skipped = controller.steps.skipped
+    skipped = controller.step_log.skipped
     assert skipped >= 1
     assert (controller.next_time - first) / 0.5 == pytest.approx(round((controller.next_time - first) / 0.5), abs=1e-6)
     bench.run(controller, until=lambda: controller.done)
@@ -140,7 +140,7 @@ def test_under_loss_and_repeats_nobody_is_in_two_minds(mission, seed):
     assert controller.exit_status == 0
     assert all(agent.at_rest for agent in fleet)
     assert set().union(*(agent.rejected for agent in fleet)) <= {Reason.OLD, Reason.START, Reason.EXPIRED}
-    assert set(controller.fleet.rejected) <= {Reason.OLD}
+    assert set(controller.fleet_monitor.rejected) <= {Reason.OLD}
 
 
 def test_repeated_and_reordered_states_are_rejected_and_the_map_is_the_same(mission):
@@ -150,7 +150,7 @@ def test_repeated_and_reordered_states_are_rejected_and_the_map_is_the_same(miss
             bench.agent(name)
         controller = bench.controller(law)
         bench.run(controller, until=lambda: controller.done)
-        return law.coverage.first, controller.fleet.rejected
+        return law.coverage.first, controller.fleet_monitor.rejected
 
     past = {}
 
@@ -180,7 +180,7 @@ def test_states_that_cannot_be_are_rejected(bench, fleet, law):
         publisher.publish(json.dumps({**newest, "seq": 10**6, "time_s": newest["time_s"] + 0.01, **fields}).encode())
     publisher.publish(b"{")
     controller.tick()
-    assert controller.fleet.rejected == {
+    assert controller.fleet_monitor.rejected == {
         Reason.IMPLAUSIBLE: 1,
         Reason.WRONG_AGENT: 2,
         Reason.OLD: 1,
@@ -256,7 +256,7 @@ def test_different_speeds_and_missions_are_told(bench, law):
     other.agent("a2")
     controller = other.controller(SweepLaw(bench.mission))
     assert other.mission.spec.name == bench.mission.spec.name
-    controller.fleet._mission = "other"
+    controller.fleet_monitor._mission = "other"
     other.run(controller, seconds=2.0)
     assert "a1 has another version of this mission" in controller.heartbeat.text
 

@@ -112,7 +112,7 @@ def test_reports_are_late_by_the_delay_and_plans_still_start_on_time():
     bench.agent("a2")
     controller = bench.controller(SweepLaw(bench.mission))
     bench.run(controller, until=lambda: controller.done)
-    assert [link.offset for link in controller.fleet.links] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert [link.offset for link in controller.fleet_monitor.links] == pytest.approx([0.0, 0.0], abs=1e-9)
     assert controller.exit_status == 0
 
 

@@ -10,7 +10,7 @@ from mpc_cover.information.build import true_field
 from mpc_cover.information.delay import adjacency
 from mpc_cover.mission.load import load_mission
 from mpc_cover.service.run.swarm_simulate import fly_swarm
-from mpc_cover.service.swarm.radio import Codec
+from mpc_cover.service.swarm.radio_messages import Codec
 from mpc_cover.trajectory_file import save_trajectory
 from mpc_cover.verification.check import check_trajectory
 

@@ -30,7 +30,7 @@ def test_a_plan_that_comes_too_late_is_not_sent_and_nobody_has_to_refuse_one(ben
     controller = bench.controller(law, deadlines=True)
     bench.run(controller, until=lambda: len(law.predicted) >= 6)
     assert len(inbox.drain()) == 1 + 3  # the first plan, and those of the steps in time
-    assert controller.steps.misses >= 2
+    assert controller.step_log.misses >= 2
     assert any("is not sent" in said for said in bench.said)
     assert not fleet[0].rejected
     assert not fleet[1].rejected
