@@ -1,1 +1,1 @@
-"""QP back-ends and sequential quadratic programming; knows nothing of coverage."""
+"""QP back-ends and a globalised SQP method, independent of the application."""

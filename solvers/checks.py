@@ -1,4 +1,4 @@
-"""Checks of the arrays of a QP; each error names the field and the place."""
+"""Validation of the arrays of a QP; each error names the field and the index."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 INFINITE = 1e20
-"""A bound at or beyond this magnitude counts as no bound at all (in every back-end alike)."""
+"""A bound of this magnitude or more counts as infinite, in all back-ends alike; a plain choice."""
 
 
 class InvalidQPError(ValueError):
-    """Data that no solver may see; the message names the field, the place and what would be right."""
+    """Invalid QP data; the message names the field, the index and what is expected."""
 
 
 def column_of_each_entry(matrix: sp.csc_array[np.float64]) -> NDArray[np.intp]:
@@ -49,7 +49,7 @@ def check_matrix(name: str, matrix: sp.csc_array[np.float64], shape: tuple[int, 
     except ValueError as error:
         raise InvalidQPError(f"{name}: {error}") from error
     steps = np.diff(matrix.indices) <= 0
-    # a step back is only right where a new column begins
+    # indices may decrease only where a new column begins
     begins = matrix.indptr[1:-1]
     steps[begins[(begins > 0) & (begins < matrix.nnz)] - 1] = False
     if steps.any():
@@ -58,14 +58,14 @@ def check_matrix(name: str, matrix: sp.csc_array[np.float64], shape: tuple[int, 
 
 
 def check_diagonal(data: NDArray[np.float64], diagonal: NDArray[np.intp]) -> None:
-    """Raise `InvalidQPError` if a diagonal entry of P, at these places in its data, is negative."""
+    """Raise `InvalidQPError` if a diagonal entry of P, at these indices of its data, is negative."""
     values = data[diagonal]
     if (values < 0.0).any():
         raise InvalidQPError(f"P: not positive semi-definite, it has {values.min()} on its diagonal")
 
 
 def check_bounds(lower: NDArray[np.float64], upper: NDArray[np.float64], m: int) -> None:
-    """Raise `InvalidQPError`, naming the row, unless l <= u and each leaves room for a finite A x."""
+    """Raise `InvalidQPError`, naming the row, unless l <= u and each admits a finite A x."""
     check_vector("l", lower, m)
     check_vector("u", upper, m)
     for name, values, wrong in (("l", lower, lower >= INFINITE), ("u", upper, upper <= -INFINITE)):

@@ -1,4 +1,4 @@
-"""What makes a local iteration converge from afar: a trust region and a backtracking line search."""
+"""Globalisation of a local iteration: a trust region and a backtracking line search."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+_ACTIVE_SHARE = 0.5
+"""Part of the radius from which on the trust region counts as active, and may grow; a plain choice."""
+
 
 @dataclass(frozen=True)
 class TrustRegion:
-    """How far the model is trusted, and how that changes (Nocedal & Wright, algorithm 4.1).
+    """The radius within which the model is trusted, and its updates (Nocedal & Wright, algorithm 4.1).
 
     Attributes
     ----------
@@ -32,7 +35,7 @@ class TrustRegion:
     good: float = 0.75
 
     def __post_init__(self) -> None:
-        """Raise `ValueError` for a region that cannot work."""
+        """Raise `ValueError` for inconsistent parameters."""
         if not 0.0 < self.smallest < self.largest:
             raise ValueError(f"0 < smallest < largest is wanted, got {self.smallest}, {self.largest}")
         if not 0.0 < self.radius <= self.largest:
@@ -44,14 +47,14 @@ class TrustRegion:
 
     @property
     def exhausted(self) -> bool:
-        """Whether the radius is too small to go on."""
+        """Whether the radius is too small to continue."""
         return self.radius <= self.smallest
 
     def accepted(self, ratio: float, step: float) -> TrustRegion:
         """Return the region after an accepted step of length `step` with this ratio of decreases."""
         if ratio < self.poor:
             return self.resized(self.shrink * self.radius)
-        if ratio > self.good and step >= 0.5 * self.radius:
+        if ratio > self.good and step >= _ACTIVE_SHARE * self.radius:
             return self.resized(self.grow * self.radius)
         return self
 
@@ -66,13 +69,13 @@ class TrustRegion:
 
 @dataclass(frozen=True)
 class Backtracking:
-    """Halving a step until the merit decreases enough (Armijo; Nocedal & Wright, algorithm 3.1).
+    """Step-length reduction until the merit decreases sufficiently (Armijo; Nocedal & Wright, algorithm 3.1).
 
     Attributes
     ----------
     most: number of trials; 0 switches the search off.
-    factor: of one trial to the next, in (0, 1).
-    sufficient: share of the predicted decrease that is asked for.
+    factor: of the step length from one trial to the next, in (0, 1).
+    sufficient: share of the predicted decrease that is required.
     """
 
     most: int = 4
@@ -80,14 +83,14 @@ class Backtracking:
     sufficient: float = 1e-4
 
     def __post_init__(self) -> None:
-        """Raise `ValueError` for a search that would not end."""
+        """Raise `ValueError` for inconsistent parameters."""
         if self.most < 0 or not 0.0 < self.factor < 1.0 or not 0.0 < self.sufficient < 1.0:
             raise ValueError(f"most >= 0 and factor, sufficient in (0, 1) are wanted, got {self}")
 
     def search(
         self, trial: Callable[[float], T], decrease: Callable[[T], float], predicted: float
     ) -> tuple[float, T] | None:
-        """Return the first step length below 1, and its trial, that decreases the merit enough.
+        """Return the first step length below 1, and its trial, with a sufficient decrease of the merit, or None.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The state of one run of `solvers.sqp.solve`, and one iteration of it."""
+"""The iteration of `solvers.sqp.solve`, and its state."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solvers.nlp import LearnsFromSteps, Measure
+from solvers.nlp import Measure, StepObserver
 from solvers.outcome import Iterate, Outcome, Result
 from solvers.qp import InvalidQPError
 from solvers.status import Status
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from solvers.sqp_options import Options
 
 USABLE = frozenset({Status.SOLVED, Status.INACCURATE, Status.MAX_ITERATIONS})
-"""Outcomes of a subproblem whose x is worth measuring: the merit, not the QP, judges the step."""
+"""Outcomes of a subproblem whose x is a candidate: the merit function, not the QP, decides about the step."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class _Point:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """What a subproblem proposes: a point, and the decrease of the merit that its model promises."""
+    """The candidate point of a subproblem, and the decrease of the merit that its model predicts."""
 
     point: _Point
     predicted: float
@@ -67,7 +67,7 @@ class Iteration:
         self._detail = ""
 
     def run(self) -> Result:
-        """Iterate until something ends it."""
+        """Iterate until a termination criterion holds."""
         outcome = None if math.isfinite(self._point.measure.merit(1.0)) else Outcome.INVALID_START
         while outcome is None:
             if len(self._history) >= self._options.max_iterations:
@@ -90,7 +90,7 @@ class Iteration:
         )
 
     def _iterate(self) -> Outcome | None:
-        """Solve one subproblem and move, or not; return why to end, or None."""
+        """Solve one subproblem and accept or reject its step; return the outcome that ends the run, or None."""
         begun, radius = self._clock(), self._region.radius
         model = self._problem.convexify(self._point.x, radius)
         try:
@@ -105,7 +105,7 @@ class Iteration:
             outcome, accepted, step, predicted = self._failed(solution), False, 0.0, 0.0
         else:
             self._failures, self._detail = 0, ""
-            outcome, accepted = self._judge(candidate)
+            outcome, accepted = self._try(candidate)
             step, predicted = candidate.step, candidate.predicted
         measure = self._point.measure
         self._history.append(
@@ -131,15 +131,15 @@ class Iteration:
             self._backend.warm_start(model.start)
         if self._deadline is None:
             return self._backend.solve()
-        # after a set-up the back-end counts from its beginning
+        # after a set-up the back-end measures its time limit from the beginning of the set-up
         return self._backend.solve(self._deadline - (begun if fresh else self._clock()))
 
     def _candidate(self, model: ConvexModel, solution: QPSolution) -> _Candidate | None:
-        """Return what the subproblem proposes, or None if it failed."""
+        """Return the candidate of the subproblem, or None if it failed."""
         if solution.status not in USABLE:
             return None
         predicted = model.predicted(solution.x)
-        # an unsolved subproblem that promises nothing proves nothing
+        # an unsolved subproblem that predicts no decrease does not prove stationarity
         if not math.isfinite(predicted) or (self._negligible(predicted) and not solution.ok):
             return None
         point = self._measured(model.recover(solution.x))
@@ -147,7 +147,7 @@ class Iteration:
         return _Candidate(point, predicted, step, model.weight, solution.y)
 
     def _failed(self, solution: QPSolution) -> Outcome | None:
-        """Give up, or change the region in the direction that may help."""
+        """End the run, or enlarge or shrink the trust region, whichever may help."""
         self._detail = f"{solution.status.sentence} ({solution.detail})"
         if solution.status is Status.TIME_LIMIT:
             return Outcome.DEADLINE
@@ -161,19 +161,19 @@ class Iteration:
         self._region = region.resized(factor * region.radius)
         return None
 
-    def _judge(self, candidate: _Candidate) -> tuple[Outcome | None, bool]:
-        """Move to the candidate or somewhere on the way; return why to end, or None, and whether it moved."""
+    def _try(self, candidate: _Candidate) -> tuple[Outcome | None, bool]:
+        """Accept the candidate, a shorter step or none; return an outcome if it ends the run, and whether it moved."""
         if self._negligible(candidate.predicted):
-            return self._settled(candidate, Outcome.CONVERGED)
+            return self._stationary(candidate, Outcome.CONVERGED)
         if candidate.step <= self._options.smallest_step:
-            return self._settled(candidate, Outcome.SMALL_STEP)
+            return self._stationary(candidate, Outcome.SMALL_STEP)
         if self._moved(candidate):
             return None, True
         self._region = self._region.rejected(candidate.step)
         return (Outcome.STALLED if self._region.exhausted else None), False
 
     def _negligible(self, predicted: float) -> bool:
-        """Whether even a step of the first radius could not decrease the merit by what matters.
+        """Return whether even a step of the initial radius would not decrease the merit noticeably.
 
         The decrease of a convex model is concave in the radius, so that of the first radius is at most
         that of the present one times their ratio.
@@ -181,8 +181,8 @@ class Iteration:
         share = min(1.0, self._region.radius / self._options.region.radius)
         return predicted <= self._options.optimality * max(1.0, abs(self._point.measure.objective)) * share
 
-    def _settled(self, candidate: _Candidate, outcome: Outcome) -> tuple[Outcome | None, bool]:
-        """End at a stationary point of the merit, which need not be feasible."""
+    def _stationary(self, candidate: _Candidate, outcome: Outcome) -> tuple[Outcome | None, bool]:
+        """End at a stationary point of the merit function, which need not be feasible."""
         moved = self._decrease(candidate.point, candidate.weight) > 0.0
         if moved:
             self._take(candidate.point, candidate)
@@ -190,11 +190,11 @@ class Iteration:
         return (outcome if feasible else Outcome.INFEASIBLE), moved
 
     def _moved(self, candidate: _Candidate) -> bool:
-        """Take the full step or a shorter one, whichever first decreases the merit."""
+        """Take the full step or the first shorter one with a sufficient decrease; return whether there was one."""
         predicted, weight = candidate.predicted, candidate.weight
-        enough = self._options.sufficient * predicted
+        sufficient = self._options.sufficient * predicted
         full, x = candidate.point, self._point.x
-        if (decrease := self._decrease(full, weight)) >= enough:
+        if (decrease := self._decrease(full, weight)) >= sufficient:
             self._region = self._region.accepted(decrease / predicted, candidate.step)
             self._take(full, candidate)
             return True
@@ -206,14 +206,14 @@ class Iteration:
         if found is None:
             return False
         length, point = found
-        # never larger: the step may also count components that the radius does not bound
+        # never larger: the step length may include components that the radius does not bound
         self._region = self._region.resized(min(self._region.radius, length * candidate.step))
         self._take(point, candidate)
         return True
 
     def _take(self, point: _Point, candidate: _Candidate) -> None:
-        """Make this the current point, and the best one if it is."""
-        if isinstance(self._problem, LearnsFromSteps):
+        """Make this the current point, and the best one if it is better."""
+        if isinstance(self._problem, StepObserver):
             self._problem.accepted(self._point.x, point.x, candidate.multipliers)
         self._point = point
         new, old = point.measure, self._best.measure

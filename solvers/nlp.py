@@ -1,8 +1,8 @@
-"""What a problem must offer so that `solvers.sqp` can solve it by a sequence of convex QPs.
+"""The interface of nonlinear problems that `solvers.sqp` solves by a sequence of convex QPs.
 
     minimise J(x) subject to x in D                                             (A.1)
 
-The iteration asks for two things only: how good a point is, and a convex model around it.
+The iteration needs the objective and violation at a point, and a convex model around it.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Measure:
-    """How good a point is.
+    """Objective and constraint violation at a point.
 
     Attributes
     ----------
     objective: J(x).
-    violation: the worst violation of a constraint, >= 0 (infinity norm).
-    penalty: the sum of the violations (l1 norm); what the merit function weighs.
+    violation: the largest violation of a constraint, >= 0 (infinity norm).
+    penalty: the sum of the violations (l1 norm), as weighted in the merit function.
     """
 
     objective: float
@@ -36,22 +36,22 @@ class Measure:
     penalty: float = 0.0
 
     def merit(self, weight: float) -> float:
-        """Return the l1 merit J + weight * penalty; infinite where J is not a number."""
+        """Return the l1 merit J + weight * penalty; infinite where that is not finite."""
         value = self.objective + weight * self.penalty
         return value if math.isfinite(value) else math.inf
 
 
 @dataclass(frozen=True)
 class ConvexModel:
-    """A convex QP around a point, and the way back from its variables.
+    """A convex QP around a point, and the map from its variables to the next point.
 
     Attributes
     ----------
-    qp: the subproblem. Keep its pattern from one iteration to the next and it is updated in place.
+    qp: the subproblem. If its sparsity pattern stays the same between iterations it is updated in place.
     recover: QP's x -> the next point.
-    predicted: QP's x -> the decrease of the merit that the model promises, penalty included.
+    predicted: QP's x -> the predicted decrease of the merit, penalty included.
     weight: the weight of the penalty in that merit; 0 for models that keep every iterate feasible.
-    start: where to start the QP from (n of the QP), or None for its last solution.
+    start: starting point of the QP (n of the QP), or None for its last solution.
     length: next point -> the length of the step in the radius's units; None for the infinity norm of x.
     """
 
@@ -64,23 +64,23 @@ class ConvexModel:
 
 
 class Convexifiable(Protocol):
-    """A problem that can be measured and convexified at any point. Points are (n,) arrays."""
+    """A problem that can be evaluated and convexified at any point. Points are (n,) arrays."""
 
     def measure(self, x: NDArray[np.float64]) -> Measure:
-        """Return how good `x` is; NaN or inf where it is outside the domain."""
+        """Return objective and violation at `x`; NaN or inf outside the domain."""
         ...
 
     def convexify(self, x: NDArray[np.float64], radius: float) -> ConvexModel:
-        """Return a model that is trusted within `radius` of `x` (infinity norm)."""
+        """Return a convex model with a trust region of `radius` around `x` (infinity norm)."""
         ...
 
 
 @runtime_checkable
-class LearnsFromSteps(Protocol):
-    """A problem that wants to hear of accepted steps, say to record them, or to update a quasi-Newton Hessian."""
+class StepObserver(Protocol):
+    """A problem that is notified of accepted steps, for example to update a quasi-Newton Hessian."""
 
     def accepted(
         self, x_old: NDArray[np.float64], x_new: NDArray[np.float64], multipliers: NDArray[np.float64]
     ) -> None:
-        """Learn from a step; `multipliers` are those of the rows of the subproblem's A."""
+        """Process an accepted step; `multipliers` (m,) are those of the rows of the subproblem's A."""
         ...

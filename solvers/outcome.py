@@ -1,4 +1,4 @@
-"""What a run of `solvers.sqp` ends with, and the record of its iterations."""
+"""The result of a run of `solvers.sqp`, and the history of its iterations."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 class Outcome(Enum):
-    """Why the iteration ended; the value is the sentence that is shown to a human."""
+    """Why the iteration ended; the value is a sentence for messages."""
 
-    CONVERGED = "No model promises a decrease any more: a stationary point within tolerance."
+    CONVERGED = "The model predicts no further decrease: a stationary point within tolerance."
     SMALL_STEP = "The steps have become too small to matter."
     MAX_ITERATIONS = "The limit on iterations was reached."
     DEADLINE = "The deadline was reached."
@@ -29,13 +29,13 @@ class Outcome(Enum):
 
     @property
     def sentence(self) -> str:
-        """The outcome as a sentence for a human."""
+        """The outcome as a sentence for messages."""
         return self.value
 
 
 @dataclass(frozen=True)
 class Iterate:
-    """One iteration: the point it ended at, and how it got there. Times in seconds."""
+    """One iteration: the point at its end, the trust region, the step, and its QP. Times in seconds."""
 
     objective: float
     violation: float
@@ -51,16 +51,16 @@ class Iterate:
 
 @dataclass(frozen=True)
 class Result:
-    """What the iteration hands back, however it ended.
+    """The result of a run, whatever ended it.
 
     Attributes
     ----------
     x: (n,), the feasible point with the least objective, or the least violated point if none is feasible.
     objective, violation: of that point.
-    iterations: subproblems solved.
-    history: one entry for each.
+    iterations: number of subproblems.
+    history: one entry per subproblem.
     multipliers: (m,) of the last subproblem's rows, or None; `residuals`: its KKT residuals.
-    detail: what the back-end said of a subproblem that failed.
+    detail: the back-end's message on a subproblem that failed.
     """
 
     x: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""The data of a convex QP with optional second-order cones, and the record of its solution.
+"""The data of a convex QP with optional second-order cones.
 
     minimise    1/2 x'Px + q'x
     subject to  l <= A x <= u,   h + G x in K
@@ -58,12 +58,12 @@ class SecondOrderCones:
 
 @dataclass(frozen=True)
 class QP:
-    """One convex QP. Nothing is copied or converted; `validate` says what is wrong.
+    """A convex QP. Arrays are neither copied nor converted; `validate` checks them.
 
     Attributes
     ----------
     P: (n, n), canonical csc, upper triangle with the diagonal; positive semi-definite is the caller's
-        promise (only a negative diagonal is looked for).
+        responsibility (only a negative diagonal is detected).
     q: (n,), finite.
     A: (m, n), canonical csc; m = 0 is fine.
     l, u: (m,), l <= u, infinite where there is no bound (see `INFINITE`).
@@ -88,7 +88,7 @@ class QP:
         return int(self.l.shape[0])
 
     def validate(self) -> None:
-        """Raise `InvalidQPError`, naming the field, unless every back-end can take these data."""
+        """Raise `InvalidQPError`, naming the field, unless the data are valid for every back-end."""
         if self.q.ndim != 1 or self.n == 0:
             raise InvalidQPError(f"q: needs shape (n,) with n >= 1, got {self.q.shape}")
         if self.l.ndim != 1:
@@ -106,7 +106,7 @@ class QP:
             self.cones.validate(self.n)
 
     def same_pattern(self, other: QP) -> bool:
-        """Whether the other problem differs in values of P, q, A, l and u only."""
+        """Return whether the other problem differs only in the values of P, q, A, l and u."""
         return self.cones is other.cones and all(
             one.shape == two.shape
             and np.array_equal(one.indptr, two.indptr)
@@ -115,14 +115,14 @@ class QP:
         )
 
     def own_copy(self) -> QP:
-        """Return the problem with values of its own, opened up, and the pattern shared."""
+        """Return a copy of the values with normalised bounds; the sparsity pattern is shared."""
         P = sp.csc_array((self.P.data.copy(), self.P.indices, self.P.indptr), shape=self.P.shape)
         A = sp.csc_array((self.A.data.copy(), self.A.indices, self.A.indptr), shape=self.A.shape)
         own = QP(P, self.q.copy(), A, self.l.copy(), self.u.copy(), self.cones)
-        own.open_up()
+        own.normalise_bounds()
         return own
 
-    def open_up(self) -> None:
-        """Write into l and u what counts as infinite as infinite, so that all back-ends see the same."""
+    def normalise_bounds(self) -> None:
+        """Replace bounds of magnitude `INFINITE` or more by infinity in place, so that all back-ends see the same."""
         self.l[self.l <= -INFINITE] = -np.inf
         self.u[self.u >= INFINITE] = np.inf

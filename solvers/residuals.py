@@ -1,4 +1,4 @@
-"""Residuals of the KKT conditions: they, not a library's status word, decide whether a QP is solved."""
+"""Residuals of the KKT conditions; they, rather than a library's status, decide whether a QP is solved."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Tolerances:
     relative: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise `ValueError` for a tolerance that nothing or everything would meet."""
+        """Raise `ValueError` for a tolerance that is negative or not finite."""
         for value in (self.absolute, self.relative):
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"a tolerance must be finite and not negative, got {value}")
@@ -33,12 +33,12 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals in the infinity norm, and the magnitudes they are relative to.
+    """Residuals in the infinity norm, and the scales to which they are relative.
 
     Attributes
     ----------
-    primal: worst violation of l <= A x <= u and of the cones.
-    dual: worst component of P x + q + A'y - G'z, or of a multiplier of the wrong sign (at an infinite
+    primal: largest violation of l <= A x <= u and of the cones.
+    dual: largest component of P x + q + A'y - G'z, or of a multiplier of the wrong sign (at an infinite
         bound, or outside the dual cone).
     gap: |primal objective - dual objective|.
     primal_scale, dual_scale, gap_scale: largest term of each sum above.
@@ -52,7 +52,7 @@ class Residuals:
     gap_scale: float = 0.0
 
     def within(self, tolerances: Tolerances) -> bool:
-        """Whether all three residuals are within tolerance; a NaN never is."""
+        """Return whether all three residuals are within tolerance; NaN never is."""
         pairs = (
             (self.primal, self.primal_scale),
             (self.dual, self.dual_scale),
@@ -67,11 +67,11 @@ class Residuals:
 def kkt_residuals(
     qp: QP, x: NDArray[np.float64], y: NDArray[np.float64], cone_dual: NDArray[np.float64] | None = None
 ) -> Residuals:
-    """Return the residuals of a primal-dual pair, correct with infinite bounds.
+    """Return the residuals of a primal-dual pair, with infinite bounds handled exactly.
 
     Parameters
     ----------
-    qp: the data, current at the time of the solve.
+    qp: the data at the time of the solve.
     x: (n,). y: (m,), positive at the upper bound. cone_dual: (k,), within K; None counts as zero.
 
     Returns
@@ -82,7 +82,7 @@ def kkt_residuals(
     z = np.zeros(cones.h.shape[0]) if cones is not None and cone_dual is None else cone_dual
     if not (np.isfinite(x).all() and np.isfinite(y).all() and (z is None or np.isfinite(z).all())):
         return Residuals(math.inf, math.inf, math.inf)
-    # a wild but finite x may overflow: the result is then inf or NaN, which `within` refuses
+    # a diverged but finite x may overflow: the result is then inf or NaN, which `within` rejects
     with np.errstate(over="ignore", invalid="ignore"):
         return _finite_residuals(qp, x, y, cones, z)
 
@@ -121,14 +121,14 @@ def _finite_residuals(
 
 
 def _support(qp: QP, y: NDArray[np.float64]) -> tuple[float, float]:
-    """Return sup {y'v: l <= v <= u} over the finite bounds, and the worst |y| against an infinite one."""
+    """Return sup {y'v: l <= v <= u} over the finite bounds, and the largest |y| at an infinite one."""
     active = np.where(y > 0.0, qp.u, qp.l)
     finite = np.abs(active) < INFINITE
     return float(y[finite] @ active[finite]), _norm(y[~finite])
 
 
 def _outside(values: NDArray[np.float64], sizes: tuple[int, ...]) -> float:
-    """Return the worst ||v|| - t over the cones (t, v), at least 0."""
+    """Return the largest ||v|| - t over the cones (t, v), at least 0."""
     if not sizes:
         return 0.0
     starts = np.cumsum((0, *sizes[:-1]))

@@ -1,4 +1,4 @@
-"""What a back-end hands back of a QP."""
+"""The solution that a back-end returns for a QP."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class QPSolution:
-    """What a back-end hands back; `status` is judged by the residuals, not by the library's word.
+    """The solution of a QP; `status` follows from the residuals, not from the library's status alone.
 
     Attributes
     ----------
-    x: (n,), NaN where the library gave nothing.
+    x: (n,), NaN where the library returned none.
     y: (m,), multipliers of l <= A x <= u, positive at the upper bound (OSQP's convention):
         P x + q + A'y - G'cone_dual = 0.
-    setup_time_s: set-ups charged to this solve [s]; 0 after mere updates.
-    solve_time_s: this solve alone [s].
+    setup_time_s: time of set-ups since the last solve [s]; 0 after updates in place.
+    solve_time_s: time of this solve alone [s].
     cone_dual: (k,), multipliers of the cones, or None.
-    detail: the library's own word for the outcome, or the exception that it died of.
+    detail: the library's own name for the outcome, or the exception that it raised.
     """
 
     x: NDArray[np.float64]
@@ -40,5 +40,5 @@ class QPSolution:
 
     @property
     def ok(self) -> bool:
-        """Whether the solution may be used without a second look."""
+        """Whether the solution may be used without further checks."""
         return self.status.ok

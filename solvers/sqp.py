@@ -1,11 +1,11 @@
-"""Sequential convex programming: the iteration of Appendix A, globalised, stoppable at any time.
+"""Sequential convex programming: the iteration of Appendix A with a globalisation strategy; an anytime method.
 
 Each iteration solves the convex model of the problem around the last accepted point, within a trust
 region. A step that decreases the l1 merit (J + weight * penalty) enough is taken; otherwise shorter steps in the
 same direction are tried, and then the region shrinks. Nocedal & Wright, Numerical Optimization, 2nd ed., section 18.5.
 
 Where every model keeps its points feasible (inner approximations) the penalty is zero and the objective
-decreases from iterate to iterate. Whenever it is stopped, the best point so far is handed back.
+decreases from iterate to iterate. Whenever the run ends, the best point found is returned.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ def solve(
 
     Parameters
     ----------
-    problem: what is minimised; see `solvers.nlp` for what else it may offer.
-    backend: solves the subproblems; one whose last problem has the same pattern is updated in place.
-    clock: monotonic seconds.
-    deadline: on that clock, None for none; looked at before each subproblem and handed on to it.
+    problem: the problem; it may also implement `solvers.nlp.StepObserver`.
+    backend: QP solver; if its last problem has the same sparsity pattern, it is updated in place.
+    clock: monotonic time [s].
+    deadline: on that clock [s], None for none; checked before each subproblem, which gets the time left as its limit.
     """
     return Iteration(problem, x0, backend, options or Options(), clock, deadline).run()

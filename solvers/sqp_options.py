@@ -1,4 +1,4 @@
-"""What steers the iteration of `solvers.sqp`."""
+"""Options of `solvers.sqp`."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ __all__ = ["Options", "QPOptions"]
 
 @dataclass(frozen=True)
 class Options:
-    """What steers the iteration.
+    """Options of the SQP iteration.
 
     Attributes
     ----------
-    max_iterations: number of subproblems at most.
+    max_iterations: largest number of subproblems.
     optimality: predicted decrease, relative to max(1, |J|), below which a point counts as stationary.
     feasibility: violation below which a point counts as feasible.
-    smallest_step: step length (infinity norm) below which it is not worth going on.
+    smallest_step: step length below which the iteration ends.
     sufficient: share of the predicted decrease that makes a step acceptable.
-    region: the trust region at the start.
-    line_search: what follows a rejected step.
+    region: the initial trust region.
+    line_search: applied to rejected steps.
     failures: failed subproblems in a row that end the iteration.
     qp: options of the back-end.
     """
@@ -39,7 +39,7 @@ class Options:
     qp: QPOptions = field(default_factory=QPOptions)
 
     def __post_init__(self) -> None:
-        """Raise `ValueError` for options under which the iteration cannot work."""
+        """Raise `ValueError` for inconsistent options."""
         if self.max_iterations < 0 or self.failures < 1:
             raise ValueError(f"max_iterations >= 0 and failures >= 1 are wanted, got {self}")
         for name in ("optimality", "feasibility", "smallest_step"):

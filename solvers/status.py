@@ -1,4 +1,4 @@
-"""Outcomes of a QP solve, the same for every back-end, with a sentence each for a human."""
+"""Outcomes of a QP solve, the same for every back-end, with a sentence each for messages."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from enum import Enum
 
 
 class Status(Enum):
-    """How a QP solve ended; the value is the sentence that is shown to a human.
+    """How a QP solve ended; the value is a sentence for messages.
 
-    Every native status of every back-end maps to one of these (the map stands in the back-end's file);
-    a status that a later version of a library invents maps to `UNKNOWN`.
+    Every native status of every back-end maps to one of these (the map is in the back-end's module);
+    statuses that later versions of a library add map to `UNKNOWN`.
     """
 
     SOLVED = "The residuals of the solution are within tolerance."
@@ -26,10 +26,10 @@ class Status(Enum):
 
     @property
     def sentence(self) -> str:
-        """The outcome as a sentence for a human."""
+        """The outcome as a sentence for messages."""
         return self.value
 
     @property
     def ok(self) -> bool:
-        """Whether the solution may be used without a second look."""
+        """Whether the solution may be used without further checks."""
         return self is Status.SOLVED

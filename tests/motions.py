@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from flights import fleet_of
 
-from mpc_cover.constraints.boundary import Ends
+from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.coverage.majoriser import Softness
 from mpc_cover.model.motion import roll_out
+from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 from mpc_cover.planning.ocp import OCP, Settings
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
 
 PERIOD = 0.5
+UNLIMITED, EXHAUSTED = Budget.unlimited(), Budget.counted(0.0)
 
 
 def random_motion(
@@ -56,7 +58,7 @@ def random_window(seed: int, steps: int = 6, agents: int = 3, dimension: int = 2
     goals = [np.clip(q + shift, 0.5, 7.5)[None] for q in start]
     still = np.zeros_like(start)
     flight = track_waypoints(goals, start, still, fleet, PERIOD, steps=steps)
-    ends = Ends(start_position=start, start_velocity=still, end_velocity=still)
+    ends = BoundaryConditions(start_position=start, start_velocity=still, end_velocity=still)
     ocp = OCP(fleet, cell, weight, steps, PERIOD, ends)
     return ocp, ocp.decision(flight.position[0], flight.velocity)
 
@@ -66,4 +68,4 @@ def settings(beta: float = 4.0, margin: float = 0.1) -> Settings:
     return Settings(Softness(beta, margin))
 
 
-__all__ = ["PERIOD", "grid", "random_motion", "random_window", "replace", "settings"]
+__all__ = ["EXHAUSTED", "PERIOD", "UNLIMITED", "grid", "random_motion", "random_window", "replace", "settings"]

@@ -28,7 +28,7 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from mpc_cover import __version__  # noqa: PLC0415 - every import here is one that agents need not wait for
+        from mpc_cover.version import __version__  # noqa: PLC0415 - every import here is one that agents need not wait for
 
         typer.echo(f"mpc-cover {__version__}")
         raise typer.Exit

@@ -1,1 +1,1 @@
-"""One constraint a file, each a set of half-spaces."""
+"""Convex approximations of the constraints around an iterate, one constraint per module, as rows of a QP."""

@@ -1,4 +1,4 @@
-"""Bounds on single variables: the motion box (4.15, 4.16), the trust region, and both ends (4.17)."""
+"""Bounds on single variables: motion box (4.15, 4.16), trust region, and boundary conditions (4.17)."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Ends:
-    """What is asked of the first and the last state, (m, d) each; None where they are free.
+class BoundaryConditions:
+    """Initial and terminal states, (m, d) [m], [m/s] each; None where they are free.
 
-    `closed` asks for z(N) = z(0), as repeated surveillance needs (3.15).
+    `closed` requires z(N) = z(0), as repeated surveillance does (3.15).
     """
 
     start_position: FloatArray | None = None
@@ -32,13 +32,13 @@ def bound_rows(
     position: FloatArray,
     box: tuple[FloatArray, FloatArray],
     trust: float,
-    ends: Ends,
+    ends: BoundaryConditions,
     still: tuple[int, ...] = (),
 ) -> list[Rows]:
-    """Return bounds on all positions, and the equalities of the ends.
+    """Return bounds on all positions, and the equalities of the boundary conditions.
 
-    `position` is the iterate (N+1, m, d) [m], which `trust` [m] keeps near; `box` the corners (m, d) [m]. An
-    iterate outside the box may stay where it is, but goes no farther out. Agents in `still` do not move.
+    `position` is the iterate (N+1, m, d) [m], `trust` the trust-region radius [m], `box` the corners (m, d) [m]. An
+    iterate outside the box may stay where it is, but may not move farther out. Agents in `still` do not move.
     """
     lower = np.maximum(position - trust, np.minimum(box[0], position))
     upper = np.minimum(position + trust, np.maximum(box[1], position))

@@ -1,6 +1,6 @@
-"""Exact second-order cones for what polytopes approximate from inside: speeds, inputs and edges (4.13, 4.14, 4.20).
+"""Exact second-order cones for speed, input and connectivity constraints (4.13, 4.14, 4.20), in place of polytopes.
 
-A cone is h + G x in {(t, w): ||w|| <= t}: one row for t, d rows for w. Only back-ends with cones take them.
+A cone is h + G x in {(t, w): ||w|| <= t}: one row for t, d rows for w. Only some QP back-ends take them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Cones:
     ----------
     bound : (C,) the constant of t [in the unit of w].
     plus, minus : (C,) first columns of the vectors whose difference is w; `minus` is -1 where there is none.
-    slack : (C,) number of the slack that is added to t, counted from 0; -1 where there is none.
+    slack : (C,) index of the slack that is added to t, from 0; -1 where there is none.
     """
 
     bound: FloatArray
@@ -64,7 +64,7 @@ def edge_cones(
     fleet: FleetConstraints,
     first: int,
 ) -> Cones:
-    """Return ||q_i - q_j|| <= allowed + s for the tree's edges, as `connectivity_rows` has them.
+    """Return ||q_i - q_j|| <= allowed + s [m] for the tree's edges; arguments as those of `connectivity_rows`.
 
     Edges that cannot become too long within the trust region (`reach` [m]) need no cone.
     """

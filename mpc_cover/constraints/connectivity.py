@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 def kept_edges(
     pairs: PairDistances, allowed: float, between: float, fleet: FleetConstraints, first: int
 ) -> tuple[BoolArray, FloatArray]:
-    """Return (N+1, pairs): which edges are kept at which samples, and the length each may have [m].
+    """Return (N+1, pairs): which edges are constrained at which samples, and the largest length of each [m].
 
-    An edge inside the margin may stay where it is, one that is too long must come back.
+    An edge within the margin may keep its length; one longer than `allowed` [m] must become shorter.
     """
     tree = fleet_trees(pairs.most, fleet)
     held = np.zeros(pairs.sampled.shape, dtype=bool)
@@ -43,7 +43,7 @@ def connectivity_rows(
     fleet: FleetConstraints,
     first: int = 1,
 ) -> Rows:
-    """Return ||q_i - q_j|| <= allowed for the tree's edges as inner polytopes turned towards the iterate.
+    """Return ||q_i - q_j|| <= allowed for the tree's edges, as inscribed polytopes with a vertex at the iterate.
 
     The tree of an interval is the Euclidean minimum spanning tree under the largest distance within it, and
     its edges are kept at both ends: the graph then stays connected between samples too, while the topology
@@ -52,9 +52,9 @@ def connectivity_rows(
     Parameters
     ----------
     allowed : rho_C less a margin [m].
-    between : what a path may leave its chord by, taken off where the iterate has that much room [m].
-    reach : how much a distance may change within the trust region [m]; facets farther away need no row.
-    fleet : who takes part, and which further pairs are kept always (fixed topology, 4.19).
+    between : how much a path may deviate from its chord [m], subtracted where the iterate leaves that much room.
+    reach : how much a distance can change within the trust region [m]; facets farther away need no row.
+    fleet : its active agents, and the links that are kept at all times (fixed topology, 4.19).
     first : the first sample that is not given.
     """
     held, radius = kept_edges(pairs, allowed, between, fleet, first)

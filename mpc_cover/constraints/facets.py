@@ -1,4 +1,4 @@
-"""Polytopes inscribed in discs and balls: inner approximations that are exact where the iterate points."""
+"""Polytopes inscribed in discs and balls: inner approximations that are exact in the direction of the iterate."""
 
 from __future__ import annotations
 
@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.model.tolerances import DIVISOR_MIN, NO_DIRECTION
+
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
+
+_PARALLEL = 1e-9
+"""Determinant of three unit normals below which their facets meet in no vertex; a plain choice."""
+_ON_FACET = 1.0 + 1e-9
+"""Bound on |a_f . x| of a vertex of {|a_f . x| <= 1} that allows for rounding; a plain choice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +57,9 @@ def _vertices(normal: FloatArray) -> FloatArray:
     found = []
     for triple in combinations(range(len(both)), 3):
         matrix = both[list(triple)]
-        if abs(np.linalg.det(matrix)) > 1e-9:  # noqa: PLR2004 - parallel facets meet nowhere
+        if abs(np.linalg.det(matrix)) > _PARALLEL:
             point = np.linalg.solve(matrix, np.ones(3))
-            if (both @ point <= 1.0 + 1e-9).all():
+            if (both @ point <= _ON_FACET).all():
                 found.append(point)
     return np.array(found)
 
@@ -60,12 +67,12 @@ def _vertices(normal: FloatArray) -> FloatArray:
 def turned_normals(facets: Facets, direction: FloatArray) -> FloatArray:
     """Return (..., F, d) normals of the polytope reflected so that a vertex lies along `direction` (..., d).
 
-    What the iterate uses of its disc it may then keep: the inner approximation is exact there. A
-    Householder reflection maps the vertex; a zero direction leaves the polytope as it is.
+    The inner approximation is then exact at the iterate, which stays feasible. A Householder reflection maps the
+    vertex; for a zero direction the polytope is returned as it is.
     """
     length = np.linalg.norm(direction, axis=-1, keepdims=True)
-    unit = np.where(length > 1e-9, direction / np.maximum(length, 1e-12), facets.vertex)  # noqa: PLR2004
+    unit = np.where(length > NO_DIRECTION, direction / np.maximum(length, DIVISOR_MIN), facets.vertex)
     mirror = facets.vertex - unit
-    square = np.maximum(np.sum(mirror**2, axis=-1, keepdims=True), 1e-24)
+    square = np.maximum(np.sum(mirror**2, axis=-1, keepdims=True), DIVISOR_MIN**2)
     dot = mirror @ facets.normal.T
     return np.asarray(facets.normal - 2.0 * (dot / square)[..., None] * mirror[..., None, :])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def minimum_spanning_trees(weight: FloatArray, agents: int) -> BoolArray:
     """Return (graphs, pairs): the edges of the minimum spanning tree of each complete graph.
 
-    `weight` is (graphs, pairs) over `all_pairs(agents)`. Prim's algorithm on all graphs in step; ties go
+    `weight` is (graphs, pairs) over `all_pairs(agents)`. Prim's algorithm on all graphs at once; ties go
     to the lower pair, a total order, so that the tree is unique.
     """
     graphs = weight.shape[0]
@@ -37,7 +37,7 @@ def minimum_spanning_trees(weight: FloatArray, agents: int) -> BoolArray:
 
 
 def fleet_trees(weight: FloatArray, fleet: FleetConstraints) -> BoolArray:
-    """Return (graphs, pairs): the minimum spanning trees of the agents that take part, and the links they keep."""
+    """Return (graphs, pairs): edges of the minimum spanning trees of the active agents, and the fleet's fixed links."""
     tree = np.zeros(weight.shape, dtype=bool)
     one, two = all_pairs(fleet.size)
     pair = np.flatnonzero(fleet.is_active[one] & fleet.is_active[two])
@@ -47,5 +47,5 @@ def fleet_trees(weight: FloatArray, fleet: FleetConstraints) -> BoolArray:
 
 
 def bottleneck(weight: FloatArray, tree: BoolArray) -> FloatArray:
-    """Return (graphs,): the longest edge of each tree; the least range that connects the fleet."""
+    """Return (graphs,): the longest edge of each tree [m], the least range that connects the fleet."""
     return np.asarray(np.where(tree, weight, 0.0).max(axis=1, initial=0.0))

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 
 def speed_rows(layout: Layout, velocity: FloatArray, speed_max: FloatArray, facets: Facets, first: int = 1) -> Rows:
-    """Return ||v_i(n)|| <= v_max for n = first..N, as an inner polytope turned towards the iterate.
+    """Return ||v_i(n)|| <= v_max for n = first..N, as inscribed polytopes with a vertex at the iterate.
 
-    `velocity` is the iterate (N+1, m, d) [m/s]; `speed_max` (m,) [m/s]. The speed at a given sample 0 is no
-    matter of choice: `first` is 0 only when the start is free.
+    `velocity` is the iterate (N+1, m, d) [m/s]; `speed_max` (m,) [m/s]. A given velocity at sample 0 is not
+    constrained: `first` is 0 only when the start is free.
     """
     normal = turned_normals(facets, velocity[first:])
     bound = np.broadcast_to((facets.shrink * speed_max)[None, :, None], normal.shape[:3]).ravel()
@@ -26,7 +26,7 @@ def speed_rows(layout: Layout, velocity: FloatArray, speed_max: FloatArray, face
 
 
 def input_rows(layout: Layout, velocity: FloatArray, input_max: FloatArray, period: float, facets: Facets) -> Rows:
-    """Return ||v_i(n+1) - v_i(n)|| <= T_s u_max for n = 0..N-1, as an inner polytope turned towards the iterate.
+    """Return ||v_i(n+1) - v_i(n)|| <= T_s u_max for n = 0..N-1, as inscribed polytopes with a vertex at the iterate.
 
     `velocity` is the iterate (N+1, m, d) [m/s]; `input_max` (m,) [m/s^2].
     """
@@ -45,7 +45,7 @@ def input_rows(layout: Layout, velocity: FloatArray, input_max: FloatArray, peri
 
 
 def _velocity_columns(layout: Layout, facet_count: int, first: int) -> tuple[IntArray, IntArray]:
-    """Return triplet rows and columns of one facet row an (n, i, f), n >= first, over the d coordinates of v_i(n)."""
+    """Return triplet rows and columns: one row for each (n, i, facet), n >= first, over the d coordinates of v_i(n)."""
     stages = np.arange(first * layout.agents, (layout.steps + 1) * layout.agents)
     begin = layout.half + layout.dimension * stages
     column = np.repeat(begin, facet_count)[:, None] + np.arange(layout.dimension)

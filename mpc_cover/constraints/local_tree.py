@@ -1,8 +1,8 @@
-"""The local tree of 6.1.2: each agent spans its own neighbourhood, and all together keep the fleet connected.
+"""The local minimum spanning tree of 6.1.2: agents choose edges in their neighbourhoods that keep the fleet connected.
 
-Agent i knows itself and its neighbours, takes the minimum spanning tree of that small graph, and keeps the
-tree's edges that end in i. Edges are compared by (weight, lower agent, higher agent): a total order, so that
-ties are broken alike everywhere. Then an edge of the fleet's minimum spanning tree is chosen by both its ends:
+Agent i knows itself and its neighbours, computes the minimum spanning tree of that subgraph, and keeps the
+tree's edges that end in i. Edges are compared by (weight, lower agent, higher agent): a total order, so that all
+agents break ties alike. Then an edge of the fleet's minimum spanning tree is chosen by both its ends:
 were (i, j) not in i's local tree, a path of lesser edges would join i and j there, and so in the fleet,
 against the cycle property (6.1.1). So the edges both ends chose (the intersection), those one end chose (the
 union), and each agent's own choice all contain the fleet's minimum spanning tree. Without a total order the
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 
 def local_choices(weight: FloatArray, reach: float) -> BoolArray:
-    """Return (m, m): edges that agent i (row) keeps to its neighbours j (column), 6.1.2.
+    """Return (m, m): whether agent i (row) keeps its edge to neighbour j (column), 6.1.2.
 
-    Row i depends on the weights between i and its neighbours only, so that an agent may call this for its
-    own neighbourhood, its agents in the order of their ids, and use its own row.
+    Row i depends only on the weights between i and its neighbours, so that an agent may call this for its
+    own neighbourhood, with agents in the order of their ids, and use its own row.
 
     Parameters
     ----------
-    weight : (m, m) symmetric; distances [m] or whatever decides who hears whom.
+    weight : (m, m) symmetric; distances [m] or another cost of the links.
     reach : edges up to this weight exist (rho_C); NaN makes no edge.
     """
     agents = weight.shape[0]
@@ -37,7 +37,7 @@ def local_choices(weight: FloatArray, reach: float) -> BoolArray:
     none = agents * agents
     hears = rank < none
     inside = hears | np.eye(agents, dtype=bool)
-    # Prim from agent i in the graph of i and its neighbours, for all i in step
+    # Prim from agent i in the graph of i and its neighbours, for all i at once
     open_ = inside.copy()
     np.fill_diagonal(open_, val=False)
     near, parent = rank.copy(), np.repeat(np.arange(agents)[:, None], agents, axis=1)
@@ -54,12 +54,12 @@ def local_choices(weight: FloatArray, reach: float) -> BoolArray:
     return chosen
 
 
-def spare_choices(weight: FloatArray, reach: float) -> BoolArray:
+def redundant_choices(weight: FloatArray, reach: float) -> BoolArray:
     """Return (m, m): edges that agent i (row) keeps so that the loss of any one agent leaves the others connected.
 
-    They are its choices in its neighbourhood, and those in its neighbourhood without each one of its neighbours. So
-    the edges kept contain the minimum spanning tree of the fleet and, by the same argument, that of the fleet without
-    any one agent: whoever could be done without remains so. Arguments as those of `local_choices`.
+    They are its choices in its neighbourhood, and in its neighbourhood without each one of its neighbours. So the edges
+    kept contain the minimum spanning tree of the fleet and, by the same argument, that of the fleet without any one
+    agent: the graph tolerates the loss of every agent that is no cut vertex. Arguments as those of `local_choices`.
     """
     chosen = local_choices(weight, reach)
     for lost in range(weight.shape[0]):
@@ -70,7 +70,7 @@ def spare_choices(weight: FloatArray, reach: float) -> BoolArray:
 
 
 def edge_ranks(weight: FloatArray, reach: float) -> IntArray:
-    """Return (m, m): the place of each edge in the total order (weight, lower agent, higher agent).
+    """Return (m, m): the rank of each edge in the total order (weight, lower agent, higher agent).
 
     m^2 where there is no edge: above `reach`, NaN, and on the diagonal.
     """
@@ -88,17 +88,17 @@ def edge_ranks(weight: FloatArray, reach: float) -> IntArray:
 
 
 def kept_by_both(choice: BoolArray) -> BoolArray:
-    """Return (m, m) symmetric: edges that both ends chose; the fewest, still connected."""
+    """Return (m, m) symmetric: edges that both ends chose; the sparsest connected choice."""
     return choice & choice.T
 
 
 def kept_by_either(choice: BoolArray) -> BoolArray:
-    """Return (m, m) symmetric: edges that one end chose at the least; the thesis's T* of 6.1.2."""
+    """Return (m, m) symmetric: edges that at least one end chose; the thesis's T* of 6.1.2."""
     return choice | choice.T
 
 
 def distances(position: FloatArray) -> FloatArray:
-    """Return (m, m) [m] between agents at (m, d) positions [m]: the same bits for (i, j), (j, i) and any subset."""
+    """Return distances (m, m) [m] of agents at (m, d) [m]: bitwise equal for (i, j) and (j, i), and in any subset."""
     offset = position[:, None] - position[None]
     square = offset[..., 0] ** 2
     for axis in range(1, position.shape[1]):

@@ -1,4 +1,4 @@
-"""What separation and connectivity share: the pairs of agents and how far apart they are."""
+"""Pairs of agents and their distances along a motion, as separation and connectivity constraints need them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mpc_cover.constraints.rows import Layout, Rows
 
 WITHIN = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
-"""Instants inside an interval at which pairs are looked at, as parts of it."""
+"""Instants within an interval at which distances are sampled, as parts of it; a plain choice of seven."""
 
 
 @lru_cache(maxsize=32)
@@ -35,13 +35,13 @@ def linked_pairs(agents: int, links: tuple[tuple[int, int], ...]) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class PairDistances:
-    """Distances of all pairs along the continuous motion, sampled densely.
+    """Distances of all pairs along the continuous motion, sampled at `WITHIN` between samples.
 
     Attributes
     ----------
     difference : (N+1, pairs, d) q_i - q_j at the samples [m].
-    sampled : (N+1, pairs) its length [m].
-    least, most : (N, pairs) smallest and largest distance within each interval, ends included [m].
+    sampled : (N+1, pairs) ||q_i - q_j|| [m].
+    least, most : (N, pairs) smallest and largest distance within each interval, both samples included [m].
     """
 
     difference: FloatArray
@@ -51,19 +51,19 @@ class PairDistances:
 
 
 def pair_distances(position: FloatArray, velocity: FloatArray, period: float) -> PairDistances:
-    """Measure all pairs of a motion (N+1, m, d) under a zero-order hold."""
+    """Return the distances of all pairs of a motion (N+1, m, d) [m], [m/s] under a zero-order hold of `period` [s]."""
     first, second = all_pairs(position.shape[1])
-    apart = position[:, first] - position[:, second]
-    sampled = _length(apart)
+    difference = position[:, first] - position[:, second]
+    sampled = _length(difference)
     least = np.minimum(sampled[:-1], sampled[1:])
     most = np.maximum(sampled[:-1], sampled[1:])
     relative = velocity[:, first] - velocity[:, second]
     bend = 0.5 * period * np.diff(relative, axis=0)  # T^2/2 (u_i - u_j)
     for part in WITHIN:
-        inside = _length(apart[:-1] + (part * period) * relative[:-1] + part**2 * bend)
+        inside = _length(difference[:-1] + (part * period) * relative[:-1] + part**2 * bend)
         np.minimum(least, inside, out=least)
         np.maximum(most, inside, out=most)
-    return PairDistances(apart, sampled, least, most)
+    return PairDistances(difference, sampled, least, most)
 
 
 def elastic_pair_rows(
@@ -77,7 +77,7 @@ def elastic_pair_rows(
     """Return rows normal . (q_i - q_j)(sample) - s <= upper.
 
     `sample` (rows,); `pair` (rows,) indices into `all_pairs`; `normal` (rows, d);
-    `upper` (rows,) [m]; `slack` (rows,) number of the slack of each row.
+    `upper` (rows,) [m]; `slack` (rows,) index of the slack of each row.
     """
     first, second = all_pairs(layout.agents)
     axes = np.arange(layout.dimension)

@@ -1,11 +1,11 @@
-"""Room to stop: whoever dies or falters is not run into by those who hear of it a little later.
+"""Passive safety: an agent that stops without warning is not hit, although the others react only after a delay.
 
-An agent that dies brakes as hard as it can. The others fly on along the plan until one begins that knows of it, and
-can brake then. That motion, for every agent and every period in which it may stop, keeps rho_B, too: the reaction
-time of a driver, in the terms of 4.18.
+The stopping agent ("stopper") brakes straight at its input limit. Each other agent ("follower") continues on the plan
+until the first plan that takes the stop into account begins, and can brake then. The two motions, for every agent and
+every period in which it may stop, keep rho_B as well: a driver's reaction time, in the terms of (4.18).
 
-Plans begin at samples. With a reaction time of R periods, whoever dies up to ceil(R) - R periods after a sample is
-known of one sample sooner than who dies after that: both are the worst of their kind, and looked at in each period.
+Plans begin at samples. With a reaction time of R periods, the reaction to a stop up to ceil(R) - R periods after a
+sample begins one sample earlier than that to a later one. The worst instants of both kinds are checked in each period.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ import numpy as np
 from mpc_cover.constraints.box_overshoot import box_overshoot
 from mpc_cover.constraints.pairs import all_pairs
 from mpc_cover.constraints.rows import elastic_rows
-from mpc_cover.model.braking import braked, braking_slope
+from mpc_cover.model.braking import braking_distance_gradient, braking_position
+from mpc_cover.model.tolerances import NO_DIRECTION, STEP_ROUNDING
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.constraints.rows import Layout, Rows
     from mpc_cover.model.fleet_constraints import FleetConstraints
 
-_LOOKS = 4
-"""Instants in a period at which distances are looked at."""
-_SPARE = 0.02
-"""Asked for on top of rho_B, for what lies between those instants [m]."""
-_STANDING = 1e-9
+_INSTANTS = 4
+"""Instants per period at which distances are checked; a plain choice."""
+_MARGIN = 0.02
+"""Margin on rho_B [m] between those instants; a plain choice, more than `planning.scp.BRAKING_TOLERANCE`."""
 
 
 class StopInstant(NamedTuple):
-    """When in a period someone dies: `part` of it after a sample; the others fly on until `lag` samples after that."""
+    """A stop `part` of a period after a sample; followers stay on the plan until `lag` samples after that sample."""
 
     lag: int
     part: float
@@ -41,16 +41,16 @@ class StopInstant(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BrakingEncounters:
-    """Encounters: case c is that `stopper` brakes a `moment` after `sample`, and `follower` comes nearest `later`.
+    """Closest approaches: in case c the `stopper` brakes a `moment` after `sample`; the `follower` is nearest `later`.
 
     Attributes
     ----------
-    moment : of the death.
-    sample, stopper, follower : (C,).
-    later : (C,) [s].
-    apart : (C, d) follower minus stopper then [m].
+    moment : instant of stopping within a period, the same for all cases.
+    sample, stopper, follower : (C,) indices.
+    later : (C,) time from the stop to the closest approach [s].
+    offset : (C, d) position of the follower minus that of the stopper then [m].
     distance : (C,) its length [m].
-    required : (C,) what is asked of it [m].
+    required : (C,) required distance [m].
     """
 
     moment: StopInstant
@@ -58,23 +58,23 @@ class BrakingEncounters:
     stopper: IntArray
     follower: IntArray
     later: FloatArray
-    apart: FloatArray
+    offset: FloatArray
     distance: FloatArray
     required: FloatArray
 
     @property
     def excess(self) -> FloatArray:
-        """(C,) by how much they come too near [m]."""
+        """(C,) violation of the required distance [m]."""
         return np.maximum(self.required - self.distance, 0.0)
 
 
 def stop_instants(reaction: float) -> list[StopInstant]:
-    """Return the worst moments to die at, for others who fly on for at most `reaction` periods."""
-    lag = int(np.ceil(reaction - _STANDING))
+    """Return the worst instants of stopping when followers react within `reaction` periods."""
+    lag = int(np.ceil(reaction - STEP_ROUNDING))
     part = lag - reaction
     if lag == 0:
         return []
-    return [StopInstant(lag, 0.0)] if part < _STANDING else [StopInstant(lag, part), StopInstant(lag - 1, 0.0)]
+    return [StopInstant(lag, 0.0)] if part < STEP_ROUNDING else [StopInstant(lag, part), StopInstant(lag - 1, 0.0)]
 
 
 def braking_encounters(
@@ -85,9 +85,9 @@ def braking_encounters(
     moment: StopInstant,
     reach: float = 0.0,
 ) -> BrakingEncounters:
-    """Return the encounters of a motion (N+1, m, d) [m], [m/s] that are too near, or nearer than `reach` more [m].
+    """Return the closest approaches of a motion (N+1, m, d) [m], [m/s] that lie within `reach` [m] of a violation.
 
-    A motion that does not end at rest says nothing of what comes after it: its last samples are left out.
+    If the motion does not end at rest, what follows it is unknown, and its last samples are left out.
     """
     lag, part = moment
     last = velocity.shape[0] - (lag + 1 if velocity[-1].any() else 1)
@@ -95,45 +95,45 @@ def braking_encounters(
         return _none(moment, fleet.dimension)
     one, two = all_pairs(fleet.size)
     stopper, follower = np.concatenate([one, two]), np.concatenate([two, one])
-    asked = np.tile(fleet.separations + _SPARE, 2)
-    asked = np.where(fleet.is_active[stopper] & fleet.is_active[follower], asked, 0.0)
+    required = np.tile(fleet.separations + _MARGIN, 2)
+    required = np.where(fleet.is_active[stopper] & fleet.is_active[follower], required, 0.0)
     place, speed = _within((position, velocity), last, part, period)
-    bound = _at_least((position, velocity), (place, speed), period, fleet, lag)[:, stopper, follower]
-    sample, case = np.nonzero((asked > 0.0) & (bound < asked + reach))
+    bound = _distance_bounds((position, velocity), (place, speed), period, fleet, lag)[:, stopper, follower]
+    sample, case = np.nonzero((required > 0.0) & (bound < required + reach))
     if sample.size == 0:
         return _none(moment, fleet.dimension)
-    stopper, follower, asked = stopper[case], follower[case], asked[case]
+    stopper, follower, required = stopper[case], follower[case], required[case]
     braking_s = float((np.linalg.norm(velocity, axis=2) / fleet.input_max).max())
-    count = int(np.ceil((lag + braking_s / period) * _LOOKS)) + 1
-    later = np.arange(count, dtype=np.float64) * (period / _LOOKS)
-    stopped = braked(place[sample, stopper], speed[sample, stopper], later, fleet.input_max[stopper])
-    moved = _flown_on((position, velocity), sample, follower, later + part * period, period, fleet, lag)
-    apart = moved - stopped  # (G, C, d)
-    distance = np.linalg.norm(apart, axis=2)
+    count = int(np.ceil((lag + braking_s / period) * _INSTANTS)) + 1
+    later = np.arange(count, dtype=np.float64) * (period / _INSTANTS)
+    stopped = braking_position(place[sample, stopper], speed[sample, stopper], later, fleet.input_max[stopper])
+    moved = _follower_position((position, velocity), sample, follower, later + part * period, period, fleet, lag)
+    offset = moved - stopped  # (G, C, d)
+    distance = np.linalg.norm(offset, axis=2)
     nearest, each = distance.argmin(axis=0), np.arange(sample.size)
-    # who is too near already is the matter of whoever brought it about
-    asked, distance = np.minimum(asked, distance[0]), distance[nearest, each]
-    near = distance < asked + reach
-    apart = apart[nearest, each][near]
-    who, when = (stopper[near], follower[near]), later[nearest[near]]
-    return BrakingEncounters(moment, sample[near], *who, when, apart, distance[near], asked[near])
+    # a pair that is too near when the stop begins violates separation (4.18), not passive safety
+    required, distance = np.minimum(required, distance[0]), distance[nearest, each]
+    near = distance < required + reach
+    offset = offset[nearest, each][near]
+    pair, when = (stopper[near], follower[near]), later[nearest[near]]
+    return BrakingEncounters(moment, sample[near], *pair, when, offset, distance[near], required[near])
 
 
 def braking_violations(
     position: FloatArray, velocity: FloatArray, period: float, fleet: FleetConstraints
 ) -> FloatArray:
-    """Return by how much [m] those who stop without warning are run into, or leave the box; 0 or more of them."""
+    """Return all violations of passive safety [m], flat: of separation from braking agents, and box overshoots."""
     if fleet.reaction_periods == 0:
         return np.zeros(0)
-    met = [
+    excess = [
         braking_encounters(position, velocity, period, fleet, moment).excess
         for moment in stop_instants(fleet.reaction_periods)
     ]
-    return np.concatenate([*met, box_overshoot(position, velocity, fleet).ravel()])
+    return np.concatenate([*excess, box_overshoot(position, velocity, fleet).ravel()])
 
 
 def braking_violation(position: FloatArray, velocity: FloatArray, period: float, fleet: FleetConstraints) -> float:
-    """Return the largest of the braking violations [m]; 0 for none."""
+    """Return the largest violation of passive safety [m]; 0 for none."""
     return float(braking_violations(position, velocity, period, fleet).max(initial=0.0))
 
 
@@ -145,22 +145,23 @@ def passive_safety_rows(
     fleet: FleetConstraints,
     found: BrakingEncounters,
 ) -> Rows:
-    """Return nbar . (q_follower - q_stopper) >= required at the instants that are worst at the iterate (N+1, m, d).
+    """Return elastic rows nbar . (q_follower - q_stopper) >= required at the closest approaches of the iterate.
 
-    Both are linear in positions and velocities but for the way that braking takes, which is linearised.
+    `position`, `velocity` are the iterate (N+1, m, d) [m], [m/s]. Both agents' positions are linear in it but for the
+    braking distance, which is linearised.
     """
     part, sample, normal = found.moment.part, found.sample, _directions(found)
-    own, after, past, flies = _stage(found, period, layout.steps)
+    own, after, past, on_plan = _stage(found, period, layout.steps)
     square = past[:, None] ** 2 / (2.0 * period)
     u_max = fleet.input_max
-    brakes = braking_slope(normal, velocity[own, found.follower], past, u_max[found.follower])
+    brakes = braking_distance_gradient(normal, velocity[own, found.follower], past, u_max[found.follower])
     _, speed = _within((position, velocity), layout.steps, part, period)
-    stopped = braking_slope(normal, speed[sample, found.stopper], found.later, u_max[found.stopper])
+    stopped = braking_distance_gradient(normal, speed[sample, found.stopper], found.later, u_max[found.stopper])
     half = 0.5 * part**2 * period
     parts = [
         (layout.position(own, found.follower), normal),
-        (layout.velocity(own, found.follower), np.where(flies[:, None], (past[:, None] - square) * normal, brakes)),
-        (layout.velocity(after, found.follower), np.where(flies[:, None], square * normal, 0.0)),
+        (layout.velocity(own, found.follower), np.where(on_plan[:, None], (past[:, None] - square) * normal, brakes)),
+        (layout.velocity(after, found.follower), np.where(on_plan[:, None], square * normal, 0.0)),
         (layout.position(sample, found.stopper), -normal),
         (layout.velocity(sample, found.stopper), -(part * period - half) * normal - (1.0 - part) * stopped),
         (layout.velocity(sample + 1, found.stopper), -half * normal - part * stopped),
@@ -170,21 +171,21 @@ def passive_safety_rows(
     value = np.concatenate([slope for _, slope in parts], axis=1)
     iterate = np.concatenate([position.ravel(), velocity.ravel()])
     reached = np.einsum("ce,ce->c", value, iterate[column])
-    along = np.einsum("cd,cd->c", normal, found.apart)
+    along = np.einsum("cd,cd->c", normal, found.offset)
     return elastic_rows(column, -value, along - reached - found.required)
 
 
 def _directions(found: BrakingEncounters) -> FloatArray:
-    """Return unit vectors (C, d) from stopper to follower at their nearest; any where they meet."""
-    aside = np.eye(found.apart.shape[1])[0]
-    apart = found.distance[:, None]
-    return np.where(apart > _STANDING, found.apart / np.maximum(apart, _STANDING), aside)
+    """Return unit vectors (C, d) from stopper to follower at the closest approach; arbitrary where they coincide."""
+    arbitrary = np.eye(found.offset.shape[1])[0]
+    distance = found.distance[:, None]
+    return np.where(distance > NO_DIRECTION, found.offset / np.maximum(distance, NO_DIRECTION), arbitrary)
 
 
 def _within(
     motion: tuple[FloatArray, FloatArray], count: int, part: float, period: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return positions [m] and velocities [m/s], (count, m, d), a part of a period after each of the first samples."""
+    """Return positions [m] and velocities [m/s], (count, m, d), `part` of a period after each of the first samples."""
     position, velocity = motion
     speed = velocity[:count]
     gain = part * (velocity[1 : count + 1] - speed)
@@ -192,33 +193,34 @@ def _within(
 
 
 def _stage(found: BrakingEncounters, period: float, steps: int) -> tuple[IntArray, IntArray, FloatArray, BoolArray]:
-    """Return the follower's sample before the encounter, the next one, the time since [s], and if it flies on then."""
+    """Return the follower's sample before the approach, the next, the time since [s], and whether it is on its plan."""
     lag, part = found.moment
     elapsed = found.later + part * period
-    whole = np.minimum(np.floor(elapsed / period + _STANDING).astype(np.intp), lag)
+    whole = np.minimum(np.floor(elapsed / period + STEP_ROUNDING).astype(np.intp), lag)
     own = np.minimum(found.sample + whole, steps)
     return own, np.minimum(own + 1, steps), elapsed - whole * period, whole < lag
 
 
-def _at_least(
+def _distance_bounds(
     motion: tuple[FloatArray, FloatArray],
-    dying: tuple[FloatArray, FloatArray],
+    stopping: tuple[FloatArray, FloatArray],
     period: float,
     fleet: FleetConstraints,
     lag: int,
 ) -> FloatArray:
-    """Return bounds (n, stopper, follower) from below on how near they come [m]."""
+    """Return lower bounds (n, stopper, follower) on the distances at closest approach [m]."""
     position, speed = motion[0], np.linalg.norm(motion[1], axis=2)
-    place, pace = dying[0], np.linalg.norm(dying[1], axis=2)
+    place, initial_speed = stopping[0], np.linalg.norm(stopping[1], axis=2)
     after = np.minimum(np.arange(place.shape[0])[:, None] + np.arange(lag + 1), speed.shape[0] - 1)
     away = place[:, None, :, None] - position[after][:, :, None]  # (n, 0..r, stopper, follower, d)
     nearest = np.sqrt((away**2).sum(axis=4).min(axis=1))
-    stopping, halting = pace**2 / (2.0 * fleet.input_max), speed[after[:, -1]] ** 2 / (2.0 * fleet.input_max)
-    between = np.maximum(0.5 * period * speed[after].max(axis=1), halting)
-    return np.asarray(nearest - between[:, None, :] - stopping[:, :, None])
+    stopper_distance = initial_speed**2 / (2.0 * fleet.input_max)
+    follower_distance = speed[after[:, -1]] ** 2 / (2.0 * fleet.input_max)
+    between = np.maximum(0.5 * period * speed[after].max(axis=1), follower_distance)
+    return np.asarray(nearest - between[:, None, :] - stopper_distance[:, :, None])
 
 
-def _flown_on(
+def _follower_position(
     motion: tuple[FloatArray, FloatArray],
     sample: IntArray,
     agent: IntArray,
@@ -227,20 +229,20 @@ def _flown_on(
     fleet: FleetConstraints,
     lag: int,
 ) -> FloatArray:
-    """Return where (G, C, d) [m] agents are `elapsed` (G,) [s] after samples (C,): on the plan, then braking."""
+    """Return positions (G, C, d) [m] `elapsed` (G,) [s] after samples (C,): `lag` periods on the plan, then braking."""
     position, velocity = motion
     final = velocity.shape[0] - 1
-    whole = np.floor(elapsed / period + _STANDING).astype(np.intp)
-    flies = whole < lag
-    own = np.minimum(sample + whole[flies, None], final)
-    past = (elapsed[flies] - whole[flies] * period)[:, None, None]
+    whole = np.floor(elapsed / period + STEP_ROUNDING).astype(np.intp)
+    on_plan = whole < lag
+    own = np.minimum(sample + whole[on_plan, None], final)
+    past = (elapsed[on_plan] - whole[on_plan] * period)[:, None, None]
     speed = velocity[own, agent]
     gain = velocity[np.minimum(own + 1, final), agent] - speed
-    flown = position[own, agent] + past * speed + past**2 / (2.0 * period) * gain
+    planned = position[own, agent] + past * speed + past**2 / (2.0 * period) * gain
     end = np.minimum(sample + lag, final)
-    since = elapsed[~flies] - lag * period
-    halted = braked(position[end, agent], velocity[end, agent], since, fleet.input_max[agent])
-    return np.concatenate([flown, halted])
+    since = elapsed[~on_plan] - lag * period
+    braking = braking_position(position[end, agent], velocity[end, agent], since, fleet.input_max[agent])
+    return np.concatenate([planned, braking])
 
 
 def _none(moment: StopInstant, dimension: int) -> BrakingEncounters:

@@ -1,4 +1,4 @@
-"""Half-spaces as sparse rows, and where a motion's variables stand in them."""
+"""Sparse rows of a QP, and the columns of a motion's variables."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Layout:
 class Rows:
     """lower <= A x <= upper for a block of rows, A as triplets with row numbers that start at 0.
 
-    `elastic` is None for hard rows, else the (rows,) number of the slack that may lift the upper side of
+    `elastic` is None for hard rows, else the (rows,) index of the slack that relaxes the upper bound of
     each row; slacks are numbered from 0 within the block.
     """
 
@@ -74,8 +74,8 @@ class Rows:
 def elastic_rows(column: IntArray, value: FloatArray, upper: FloatArray, slack: IntArray | None = None) -> Rows:
     """Return rows value . x - s <= upper with the same number of entries each.
 
-    `column` and `value` are (rows, entries), `upper` (rows,), `slack` (rows,) the number of each row's slack: its own
-    where it is left out.
+    `column` and `value` are (rows, entries), `upper` (rows,), `slack` (rows,) the index of each row's slack; by
+    default each row has a slack of its own.
     """
     each = np.arange(column.shape[0])
     lower = np.full(each.size, -np.inf)
@@ -84,7 +84,7 @@ def elastic_rows(column: IntArray, value: FloatArray, upper: FloatArray, slack: 
 
 
 def stack(blocks: Sequence[Rows], columns: int) -> tuple[sp.csc_array[np.float64], FloatArray, FloatArray]:
-    """Stack blocks into one canonical csc matrix with its bounds."""
+    """Stack blocks into one canonical csc matrix (rows, columns) with its lower and upper bounds (rows,)."""
     offsets = np.cumsum([0, *(block.count for block in blocks)])
     row = np.concatenate([block.row + offset for block, offset in zip(blocks, offsets, strict=False)])
     column = np.concatenate([block.column for block in blocks])

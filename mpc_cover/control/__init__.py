@@ -1,1 +1,1 @@
-"""The receding horizon and what it falls back to."""
+"""The receding-horizon control law, its recovery modes and fallback, and the safety filter behind it."""

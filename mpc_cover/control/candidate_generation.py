@@ -1,10 +1,10 @@
-"""The candidates for the next mission plan: the ways as before, slow sweeps of many looks, and what a search finds."""
+"""Candidates for the next mission plan: the former plan repaired, timed sweeps for many looks, and a search."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mpc_cover.planning.candidate import as_flown
+from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.plan_repair import PlanRepair
 from mpc_cover.planning.task import Task, needs_laps
 
@@ -21,21 +21,22 @@ if TYPE_CHECKING:
     from mpc_cover.planning.candidate import Candidate
     from mpc_cover.planning.planner import Planner
 
-_REST = 0.05
-"""Part of the cells on which a plan that is to bring many looks in one go may leave some."""
-_SLOW_SWEEPS = 0.5
-"""Part of the budget for slow sweeps of many looks."""
+_REST_SHARE = 0.05
+"""Part of the cells on which a single-pass plan for many looks may leave some: one short plan takes the rest. Plain
+choice."""
+_TIMED_SWEEPS_SHARE = 0.5
+"""Part of the budget for timed sweeps, where many looks are demanded; a plain choice."""
 
 
 class CandidateGenerator:
-    """Finds plans for what is owed, and keeps those that the verifier passes.
+    """Finds plans for the outstanding demand, and keeps those that the verifier accepts.
 
     Parameters
     ----------
-    mission : whose cells.
+    mission : provides cells and period.
     constraints : of the plans.
-    allocation : says what a plan is to bring.
-    planner : searches.
+    allocation : of demand to mission plans.
+    planner : searches for plans.
     """
 
     def __init__(
@@ -47,49 +48,49 @@ class CandidateGenerator:
     def best(
         self, state: FleetState, coverage: FlownMap, former: Trajectory | None, budget: Budget
     ) -> Candidate | None:
-        """Return the best of what is left of a former plan and of a search, which is thorough at rest; None for none.
+        """Return the best of the former plan, repaired, and of a search, which is thorough at rest; None for none.
 
-        A search in flight is spared where the former plan, repaired, covers everything: it knows more than what a step
-        has time to find.
+        In flight there is no search where the repaired plan covers everything: it is better than what one step has
+        time to find.
         """
-        if (slow := self._in_one_go(state, coverage, former, budget)) is not None:
-            return slow
+        if (candidate := self._single_pass(state, coverage, former, budget)) is not None:
+            return candidate
         task, found = self._task(state, coverage), []
         if former is not None:
             found.append(_repaired(task, former))
         if state.settled or not found or not found[0].covers:
             search = self._planner.thorough if state.settled else self._planner.quick
             found.append(search(task, budget))
-        return self._best_sound(found, state)
+        return self._best_verified(found, state)
 
-    def _in_one_go(
+    def _single_pass(
         self, state: FleetState, coverage: FlownMap, former: Trajectory | None, budget: Budget
     ) -> Candidate | None:
-        """Return a plan that brings all of many looks without going round again, if there is one."""
-        task = self._task(state, coverage, in_one_go=True)
+        """Return a plan that takes many looks in a single pass, or None."""
+        task = self._task(state, coverage, single_pass=True)
         if not needs_laps(task.looks):
             return None
         found = [] if former is None else [_repaired(task, former)]
         if not any(one.complete for one in found):
-            found = self._planner.timed_sweeps(task, budget.part(_SLOW_SWEEPS), thorough=state.settled)
-        return self._best_sound((one for one in found if _brings_most(task, one)), state)
+            found = self._planner.timed_sweeps(task, budget.part(_TIMED_SWEEPS_SHARE), thorough=state.settled)
+        return self._best_verified((one for one in found if _takes_most(task, one)), state)
 
-    def _best_sound(self, found: Iterable[Candidate], state: FleetState) -> Candidate | None:
-        sound = (one for one in found if one.feasible and self._constraints.keeps(one.plan, state))
-        return min(sound, key=lambda candidate: candidate.rank, default=None)
+    def _best_verified(self, found: Iterable[Candidate], state: FleetState) -> Candidate | None:
+        verified = (one for one in found if one.feasible and self._constraints.keeps(one.plan, state))
+        return min(verified, key=lambda candidate: candidate.rank, default=None)
 
-    def _task(self, state: FleetState, coverage: FlownMap, *, in_one_go: bool = False) -> Task:
-        weight, looks = self._allocation.next(coverage, state, in_one_go=in_one_go)
+    def _task(self, state: FleetState, coverage: FlownMap, *, single_pass: bool = False) -> Task:
+        weight, looks = self._allocation.next(coverage, state, single_pass=single_pass)
         here = (state.position, state.velocity, state.time)
-        fleet, owed = self._constraints.planned, weight * self._constraints.reachable
-        return Task(fleet, self._cell, owed, *here, self._period, looks=looks)
+        fleet, demand = self._constraints.planned, weight * self._constraints.reachable
+        return Task(fleet, self._cell, demand, *here, self._period, looks=looks)
 
 
 def _repaired(task: Task, former: Trajectory) -> Candidate:
-    """Return the best candidate along the ways of a former plan."""
-    return min((as_flown(task, guess) for guess in PlanRepair().guesses(task, former)), key=lambda one: one.rank)
+    """Return the best candidate along the paths of a former plan."""
+    return min((evaluate_guess(task, guess) for guess in PlanRepair().guesses(task, former)), key=lambda one: one.rank)
 
 
-def _brings_most(task: Task, candidate: Candidate) -> bool:
-    """Return whether a plan leaves so little that one more after it brings the rest."""
-    return candidate.complete or float((task.owed_after(candidate.plan) > 0.0).mean()) <= _REST
+def _takes_most(task: Task, candidate: Candidate) -> bool:
+    """Return whether a plan leaves so few cells that one short plan after it can complete them."""
+    return candidate.complete or float((task.remaining_after(candidate.plan) > 0.0).mean()) <= _REST_SHARE

@@ -1,8 +1,9 @@
-"""Bounds for a fleet whose state is outside its bounds: no tighter than what cannot be avoided from there.
+"""Constraint relaxation for a state from which the bounds are infeasible, by no more than is unavoidable.
 
-A relay is lost, or a gust carries someone past a tightened bound: no plan from there keeps all bounds at once, and a
-verifier that insists on them passes nothing, for ever. What braking at once would exceed is then allowed, and as
-the next step starts on a plan that was accepted, what the rest of that plan exceeds: never more than before.
+After the loss of a relay, or when a gust carries an agent past a tightened bound, no plan satisfies all bounds, and a
+verifier that insisted on them would reject every plan. The bounds are then relaxed to what immediate braking attains,
+or, where it attains more, the rest of the incumbent plan. Since the incumbent was accepted under the previous bounds,
+violations never grow from step to step.
 """
 
 from __future__ import annotations
@@ -28,16 +29,19 @@ if TYPE_CHECKING:
     State = tuple[FloatArray, FloatArray]
 
 _ROUNDING = 1e-6
+"""Tolerance of distances, positions and speeds in relaxed bounds [m, m/s]; plain choice, far below any margin."""
+_DENSE_PARTS = 4
+"""Instants per sample interval at which the extent of a path is evaluated; a plain choice."""
 
 
 @dataclass(frozen=True, eq=False)
 class MotionBounds:
-    """What plans are held to.
+    """The bounds that plans must satisfy, relaxed where the state requires it.
 
     Attributes
     ----------
-    fleet : with the bounds of all.
-    pair_separation : {(i, j): rho_B [m]} of pairs that are nearer than the others may come.
+    fleet : with the bounds that hold for all agents.
+    pair_separation : {(i, j): relaxed rho_B [m]} of pairs that are too near already.
     """
 
     fleet: FleetConstraints
@@ -45,20 +49,20 @@ class MotionBounds:
 
     @cached_property
     def planned(self) -> FleetConstraints:
-        """The fleet as the planner is given it: no pair is asked for more than it can keep, and none for less."""
+        """The constraints for the planner: rho_B for all pairs but those that cannot keep it."""
         return replace(self.fleet, pair_separation=self.pair_separation)
 
     @property
     def least_separation(self) -> float:
-        """What every pair keeps [m]."""
+        """The smallest distance that is required of any pair [m]."""
         return min([self.fleet.separation_min, *self.pair_separation.values()])
 
     def keeps(self, path: Path, start: State) -> bool:
-        """Return whether a motion from `start`, (m, d) [m] and [m/s], holds and ends at rest."""
+        """Return whether a motion from `start`, (m, d) [m] and [m/s], satisfies the bounds and ends at rest."""
         return self.failure(path, start) is None
 
     def failure(self, path: Path, start: State) -> str | None:
-        """Return the first bound that a motion from `start` does not keep, in words; None where it keeps all."""
+        """Return the first bound that a motion from `start` violates, in words; None where it satisfies all."""
         arrays = (path.time, path.position, path.velocity, path.force)
         least = replace(self.fleet, separation_min=self.least_separation)
         failed = verify_motion(least, *arrays, at_rest=True, start=start).first_failure
@@ -68,34 +72,34 @@ class MotionBounds:
         return None if kept else "separation of a pair that is too near already"
 
     def keeps_mixed(self, path: Path, other: Path) -> bool:
-        """Return whether everyone stays apart and in touch whoever flies the `other` of two motions.
+        """Return whether separation and connectivity hold while some agents fly the `other` of two motions.
 
-        Any number of them, as far as separation goes; in touch, if it is one alone. Both are of the same samples.
+        Separation must hold for any set of such agents, connectivity for any single one. Samples are the same.
         """
-        return self._mixed_in_touch(path, other) and self._mixed_apart(path, other)
+        return self._mixed_connected(path, other) and self._mixed_separated(path, other)
 
-    def _mixed_in_touch(self, path: Path, other: Path) -> bool:
-        """Return whether the tree's edges keep to rho_C while one alone flies the `other` motion, whoever it is."""
+    def _mixed_connected(self, path: Path, other: Path) -> bool:
+        """Return whether the tree's edges stay within rho_C while any single agent flies the `other` motion."""
         if np.isinf(self.fleet.communication_range):
             return True
         longest = self.fleet.communication_range + _ROUNDING
         ours, theirs = taking_part(path, self.fleet)[0], taking_part(other, self.fleet)[0]
-        # whom the bound does not clear is looked at more closely
+        # agents that this bound does not clear are checked exactly
         doubtful = np.flatnonzero(self.fleet.is_active)[exchanged_bottlenecks(ours, theirs) > longest]
         return all(longest_edge(_exchanged(path, other, index), self.fleet) <= longest for index in doubtful)
 
-    def _mixed_apart(self, path: Path, other: Path) -> bool:
-        """Return whether pairs stay apart of whom one flies the `other` motion, or neither while someone else does."""
-        fleet, asked = self.fleet, self.planned.separations
+    def _mixed_separated(self, path: Path, other: Path) -> bool:
+        """Return whether pairs keep their distance if one of them, or another agent, flies the `other` motion."""
+        fleet, required = self.fleet, self.planned.separations
         first, second = path.pair
-        someone_else = len(fleet.active) > fleet.is_active[first].astype(int) + fleet.is_active[second]
-        neither = smallest_separations(path, (first[someone_else], second[someone_else]))
-        if not _far_enough(neither, asked[someone_else]):
+        a_third = len(fleet.active) > fleet.is_active[first].astype(int) + fleet.is_active[second]
+        neither = smallest_separations(path, (first[a_third], second[a_third]))
+        if not _far_enough(neither, required[a_third]):
             return False
         one, two = np.concatenate([first, second]), np.concatenate([second, first])
         flies = fleet.is_active[one]
         mixed = smallest_separations(path.beside(other), (fleet.size + one[flies], two[flies]))
-        return _far_enough(mixed, np.tile(asked, 2)[flies])
+        return _far_enough(mixed, np.tile(required, 2)[flies])
 
 
 def strict_bounds(fleet: FleetConstraints) -> MotionBounds:
@@ -104,31 +108,34 @@ def strict_bounds(fleet: FleetConstraints) -> MotionBounds:
 
 
 def attainable_bounds(fleet: FleetConstraints, known: Sequence[Path], start: State) -> MotionBounds:
-    """Return the fleet's own bounds if one of the `known` motions from `start` keeps them, else what the best attains.
+    """Return the fleet's bounds if one of the `known` motions from `start` satisfies them, else what the best attains.
 
-    The best is the one that brings nobody nearer to anyone than it must, and then the one that tears least.
+    The best motion reduces the distances of pairs least, and among those exceeds the communication range least. One
+    that violates what is never relaxed, such as an input, cannot be flown, and is no measure.
     """
     own = strict_bounds(fleet)
     if any(own.keeps(path, start) for path in known):
         return own
 
-    def harm(bounds: MotionBounds) -> tuple[float, float]:
-        nearest = fleet.separation_min - bounds.least_separation
-        return max(nearest - _ROUNDING, 0.0), bounds.fleet.communication_range
+    def violation(bounds: MotionBounds) -> tuple[float, float]:
+        shortfall = fleet.separation_min - bounds.least_separation
+        return max(shortfall - _ROUNDING, 0.0), bounds.fleet.communication_range
 
-    return min((relaxed(fleet, path) for path in known), key=harm)
+    attained = [relaxed(fleet, path) for path in known]
+    flyable = [bounds for bounds, path in zip(attained, known, strict=True) if bounds.keeps(path, start)]
+    return min(flyable or attained, key=violation)
 
 
 def relaxed(fleet: FleetConstraints, path: Path) -> MotionBounds:
-    """Return the fleet's bounds where a motion keeps them, else what it attains.
+    """Return the fleet's bounds where a motion satisfies them, else what it attains.
 
-    Speed counts at its start only: whoever is too fast must slow down.
+    Speed limits are relaxed to the speeds at its start only: an agent that is too fast must slow down.
     """
-    here = list(fleet.active)
+    active = list(fleet.active)
     speed = fleet.speed_max.copy()
-    speed[here] = np.maximum(speed[here], np.linalg.norm(path.velocity[0, here], axis=1) + _ROUNDING)
-    _, dense = path.dense(4)
-    low, high = dense[:, here].min(axis=(0, 1)), dense[:, here].max(axis=(0, 1))
+    speed[active] = np.maximum(speed[active], np.linalg.norm(path.velocity[0, active], axis=1) + _ROUNDING)
+    _, dense = path.dense(_DENSE_PARTS)
+    low, high = dense[:, active].min(axis=(0, 1)), dense[:, active].max(axis=(0, 1))
     return MotionBounds(
         replace(
             fleet,
@@ -142,18 +149,18 @@ def relaxed(fleet: FleetConstraints, path: Path) -> MotionBounds:
 
 
 def longest_edge(path: Path, fleet: FleetConstraints) -> float:
-    """Return the longest edge [m] of the tree of those who take part, at any instant of a path; 0 for one agent."""
+    """Return the longest edge [m] of the active agents' spanning tree at any instant of a path; 0 for one agent."""
     widest = widest_bottleneck(taking_part(path, fleet)[0], limit=fleet.communication_range)
     return widest.value if widest is not None else 0.0
 
 
 def _longest_link(path: Path, fleet: FleetConstraints) -> float:
-    """Return the longest of the links that must be kept [m], at any instant of a path, or a bit more; 0 for none."""
+    """Return an upper bound on the longest fixed link at any instant of a path [m]; 0 without links."""
     return fleet.communication_range - check_links(path, fleet, 0.0).margin if fleet.links else 0.0
 
 
 def _exchanged(path: Path, other: Path, index: int) -> Path:
-    """Return a motion of which one agent flies the other."""
+    """Return `path` with the motion of agent `index` taken from `other`."""
     arrays = []
     for ours, theirs in (
         (path.position, other.position),
@@ -166,12 +173,12 @@ def _exchanged(path: Path, other: Path, index: int) -> Path:
     return Path(path.time, *arrays)
 
 
-def _far_enough(least: FloatArray, asked: FloatArray) -> bool:
-    return bool((least >= asked - _ROUNDING).all())
+def _far_enough(least: FloatArray, required: FloatArray) -> bool:
+    return bool((least >= required - _ROUNDING).all())
 
 
 def _too_near(path: Path, fleet: FleetConstraints) -> dict[tuple[int, int], float]:
-    """Return how near [m] those pairs come that come too near, and of which one takes part at least."""
+    """Return the least distance [m] of each pair that violates rho_B and has at least one active agent."""
     (first, second), least = path.pair, smallest_separations(path)
     near = (least < fleet.separation_min) & (fleet.is_active[first] | fleet.is_active[second])
     return dict(zip(zip(first[near].tolist(), second[near].tolist(), strict=True), least[near].tolist(), strict=True))

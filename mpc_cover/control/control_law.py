@@ -1,4 +1,4 @@
-"""What the controller needs of a control law: the state of the fleet in, a plan to be judged out."""
+"""The interface of a control law: the fleet's state in, a proposed trajectory out."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class PlanSource(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """What a control law would have the fleet fly.
+    """The trajectory that a control law proposes.
 
     Attributes
     ----------
-    trajectory : of the whole fleet, from the state's time on, ending at rest. Nothing is believed of it: the safety
-        filter decides whether it is sent.
-    source : where it comes from.
-    reason : why it is no better, or what was done, in a sentence.
+    trajectory : of the whole fleet, from the state's time on, ending at rest. It is not trusted: the safety filter
+        decides whether it is sent.
+    source : how it was obtained.
+    reason : what was done, or why nothing better was found, in words.
     """
 
     trajectory: Trajectory
@@ -45,20 +45,20 @@ class ControlLaw(Protocol):
 
     Attributes
     ----------
-    tolerates_losses : whether it goes on without agents that are lost; else the fleet waits for them at rest.
+    tolerates_losses : whether it continues without lost agents; else the fleet waits for them at rest.
     """
 
     tolerates_losses: bool
 
     @property
     def mode(self) -> Mode:
-        """What it does with the fleet; `REPLAN_AT_REST` asks for a step while everyone is at rest."""
+        """The present mode; `REPLAN_AT_REST` requests a step while the whole fleet is at rest."""
         ...
 
     def step(self, state: FleetState, coverage: FlownMap, budget: Budget) -> Proposal:
-        """Return a plan from a state on, for what `coverage` says is owed; when `state.settled`, a thorough one."""
+        """Return a proposal from a state on, for the demand of `coverage`; thoroughly searched when `state.settled`."""
         ...
 
     def published(self, trajectory: Trajectory) -> None:
-        """Learn that a proposed trajectory was sent to the fleet. What this is not told of is not flown."""
+        """Notify the law that a proposed trajectory was sent; only trajectories notified here become the incumbent."""
         ...

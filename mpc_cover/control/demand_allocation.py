@@ -1,4 +1,4 @@
-"""The allocation of demand: of all that the map owes, what one mission plan is to bring."""
+"""Demand allocation: the part of the map's outstanding looks that one mission plan has to take."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.task import AT_ONCE, needs_laps
+from mpc_cover.planning.task import LOOKS_PER_LAP, needs_laps
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
@@ -16,56 +16,56 @@ if TYPE_CHECKING:
     from mpc_cover.mission.field import Field
     from mpc_cover.model.fleet_state import FleetState
 
-_BY_LAP = 2
-"""Looks at a cell that one mission plan is to bring if others must follow anyhow: a pass brings about two."""
+_LOOKS_PER_PASS = 2
+"""Looks at a cell that one mission plan has to take if more plans must follow: about as many as a pass takes."""
 
 
 class DemandAllocation:
-    """Hands out the work to mission plans, one after another.
+    """Allocates demand to successive mission plans.
 
     Parameters
     ----------
-    field : the cells, and how much they matter.
+    field : cells and their weights.
     """
 
     def __init__(self, field: Field) -> None:
         self._field = field
-        self._later: IntArray | None = None
+        self._deferred: IntArray | None = None
 
     @property
     def more(self) -> bool:
-        """Whether looks are owed that the present mission plan was not asked for."""
-        return self._later is not None and bool(self._later.any())
+        """Whether looks are outstanding that were not allocated to the present mission plan."""
+        return self._deferred is not None and bool(self._deferred.any())
 
     def next(
-        self, coverage: FlownMap, state: FleetState, *, in_one_go: bool = False
+        self, coverage: FlownMap, state: FleetState, *, single_pass: bool = False
     ) -> tuple[FloatArray, IntArray | None]:
-        """Return weights and looks (J, K) that a new mission plan from here is to bring; looks None for one each.
+        """Return weights and looks (J, K) for a new mission plan from this state; looks None for one each.
 
-        `in_one_go` asks for all that are owed, however many, and begins no lap.
+        `single_pass` allocates all outstanding looks, however many, and begins no lap.
         """
-        if not in_one_go:
+        if not single_pass:
             coverage.begin_lap(state.time, state.position)
-        owed = coverage.demand(state.time, state.position)
-        weight = owed.gamma * self._field.weight
-        if owed.looks is None or in_one_go:
-            self._later = None
-            return weight, owed.looks
-        most = _BY_LAP if needs_laps(owed.looks) else AT_ONCE
-        self._later = np.maximum(owed.looks - most, 0)
-        return weight, np.minimum(owed.looks, most)
+        demand = coverage.demand(state.time, state.position)
+        weight = demand.gamma * self._field.weight
+        if demand.looks is None or single_pass:
+            self._deferred = None
+            return weight, demand.looks
+        most = _LOOKS_PER_PASS if needs_laps(demand.looks) else LOOKS_PER_LAP
+        self._deferred = np.maximum(demand.looks - most, 0)
+        return weight, np.minimum(demand.looks, most)
 
     def left(
         self, coverage: FlownMap, state: FleetState, later: FloatArray, radius: FloatArray
     ) -> tuple[FloatArray, IntArray | None]:
-        """Return weights and looks (J, K) that the present mission plan is to bring beside what `later` brings.
+        """Return weights and looks (J, K) allocated to the present mission plan that `later` samples do not take.
 
         `later` is positions (n, m, d) [m] of its samples, `radius` (m, J) [m] of the fleet.
         """
-        owed = coverage.demand(state.time, state.position)
-        weight = owed.gamma * self._field.weight
-        if owed.looks is None:
-            return still_owed(later, self._field.cell, radius, weight), None
-        beyond = 0 if self._later is None else self._later
-        looks = np.maximum(owed.looks - beyond - look_counts(later, self._field.cell, radius), 0)
+        demand = coverage.demand(state.time, state.position)
+        weight = demand.gamma * self._field.weight
+        if demand.looks is None:
+            return remaining_weight(later, self._field.cell, radius, weight), None
+        deferred = 0 if self._deferred is None else self._deferred
+        looks = np.maximum(demand.looks - deferred - look_counts(later, self._field.cell, radius), 0)
         return np.where(looks > 0, weight, 0.0), looks

@@ -1,4 +1,4 @@
-"""Makes the control law of a mission; importing the law itself takes as long as its solvers take."""
+"""Factory of the control law; imports the law and its solvers only when it is called."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def require_double(mission: Mission) -> None:
-    """Refuse single integrators, for whom nobody plans.
+    """Reject missions with single integrators, for which the planner has no model.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def require_double(mission: Mission) -> None:
 
 
 def make_control_law(mission: Mission, backend: str, seed: int) -> ControlLaw:
-    """Return the receding-horizon controller; importing it takes as long as its solvers take.
+    """Return the receding-horizon control law of a mission, with a QP back-end by name and a seed.
 
     Raises
     ------
@@ -34,6 +34,6 @@ def make_control_law(mission: Mission, backend: str, seed: int) -> ControlLaw:
         The mission's agents are single integrators.
     """
     require_double(mission)
-    from mpc_cover.control.receding_horizon import RecedingHorizon  # noqa: PLC0415 - heavy, agents never need it
+    from mpc_cover.control.receding_horizon import RecedingHorizon  # noqa: PLC0415 - imports the solvers
 
     return RecedingHorizon(mission, backend=backend, seed=seed)

@@ -1,4 +1,4 @@
-"""What is flown when there is no new plan: the plan published last, shifted; and if that does not hold, the brake."""
+"""Fallback when there is no new plan: the incumbent plan, shifted; if that violates the bounds, braking to rest."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ def best_proposal(
     incumbent: Trajectory | None,
     reason: str,
 ) -> Proposal:
-    """Cut the horizon out of the mission plan, end it at rest, verify it; else fall back on the incumbent, or brake."""
+    """Return the horizon of the mission plan, ended at rest and verified; else the shifted incumbent, or braking."""
     if plan is not None:
-        for beginning in ended_at_rest(plan, constraints.planned, constraints.horizon):
-            if constraints.keeps(beginning, state):
-                return Proposal(beginning, PlanSource.NEW, reason)
+        for trajectory in ended_at_rest(plan, constraints.planned, constraints.horizon):
+            if constraints.keeps(trajectory, state):
+                return Proposal(trajectory, PlanSource.NEW, reason)
     reason = "no new plan passed the verifier"
     shifted = _shifted(constraints, state, incumbent)
     return Proposal(shifted, PlanSource.SHIFTED, reason) if shifted else _brake(constraints, state, reason)
@@ -33,7 +33,7 @@ def best_proposal(
 def stop_proposal(
     constraints: PlanningConstraints, state: FleetState, incumbent: Trajectory | None, reason: str
 ) -> Proposal:
-    """Come to rest: at once if that is safe, else along the plan that was published last."""
+    """Return a proposal that comes to rest: at once if that is safe, else along the incumbent plan."""
     stop = constraints.brake(state)
     if constraints.keeps(stop, state) or incumbent is None:
         return Proposal(stop, PlanSource.REST, reason)
@@ -42,7 +42,7 @@ def stop_proposal(
 
 
 def _shifted(constraints: PlanningConstraints, state: FleetState, incumbent: Trajectory | None) -> Trajectory | None:
-    """Return what is left of the plan published last, if that still holds."""
+    """Return the shifted incumbent, or None if there is none or it violates the bounds."""
     if incumbent is None:
         return None
     shifted = incumbent.remainder(state.time, state.position, state.velocity)

@@ -1,4 +1,4 @@
-"""The horizon: the segment of the mission plan that a step re-solves, and how what is published ends at rest."""
+"""The horizon: the segment of the mission plan that a step re-solves, and its extension to rest for publication."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.boundary import Ends
+from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.model.braking import braking_velocities
+from mpc_cover.model.tolerances import STEP_ROUNDING
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.ocp import OCP
 
@@ -18,35 +19,35 @@ if TYPE_CHECKING:
     from mpc_cover.model.fleet_constraints import FleetConstraints
 
 
-def resolved_steps(plan: Trajectory, fleet: FleetConstraints, horizon: int) -> int:
-    """Return how many samples of the mission plan are re-solved within a horizon [samples]; the rest is for braking."""
+def optimised_steps(plan: Trajectory, fleet: FleetConstraints, horizon: int) -> int:
+    """Return how many samples of the mission plan are optimised within a horizon [samples]; the rest is for braking."""
     if plan.steps <= horizon:
         return plan.steps
-    slowest = float((fleet.speed_max / fleet.input_max).max())
-    return max(1, horizon - int(np.ceil(slowest / plan.period - 1e-9)))
+    braking_s = float((fleet.speed_max / fleet.input_max).max())
+    return max(1, horizon - int(np.ceil(braking_s / plan.period - STEP_ROUNDING)))
 
 
 def horizon_ocp(
     plan: Trajectory,
     fleet: FleetConstraints,
     cell: FloatArray,
-    owed: tuple[FloatArray, IntArray | None],
+    demand: tuple[FloatArray, IntArray | None],
     segment: int,
     steps: int,
 ) -> OCP:
-    """Return the problem whose motion replaces the first `segment` samples of the mission plan by `steps` ones.
+    """Return the OCP whose solution replaces the first `segment` samples of the mission plan by `steps` samples.
 
-    It must end where the rest of the mission plan goes on, unless there is no rest. `owed` is the weights and
-    looks (J, K) that the segment has to bring on `cell` (K, d) [m]; looks None for one each.
+    Its terminal state is that of the mission plan after the segment; at the end of the plan only the velocity is given.
+    `demand` is the weights and looks (J, K) allocated to the segment on `cell` (K, d) [m]; looks None for one each.
     """
     last = segment == plan.steps
-    ends = Ends(
+    ends = BoundaryConditions(
         start_position=plan.position[0],
         start_velocity=plan.velocity[0],
         end_position=None if last else plan.position[segment],
         end_velocity=plan.velocity[segment],
     )
-    weight, looks = owed
+    weight, looks = demand
     return OCP(fleet, cell, weight, steps, plan.period, ends, looks)
 
 
@@ -57,20 +58,20 @@ def spliced(plan: Trajectory, velocity: FloatArray, segment: int) -> Trajectory:
 
 
 def ended_at_rest(plan: Trajectory, fleet: FleetConstraints, horizon: int) -> Iterator[Trajectory]:
-    """Yield beginnings of the mission plan that end at rest within a horizon [samples], the longest first."""
+    """Yield initial segments of the mission plan, extended to rest within a horizon [samples], the longest first."""
     later = plan.velocity[1:]
     if plan.steps <= horizon:
         rest = np.zeros((horizon - plan.steps, *later.shape[1:]))
         yield _from_start(plan, np.concatenate([later, rest]))
         return
-    for kept in range(resolved_steps(plan, fleet, horizon), 0, -1):
+    for kept in range(optimised_steps(plan, fleet, horizon), 0, -1):
         braking = braking_velocities(later[kept - 1], fleet, plan.period)
-        room = horizon - kept - braking.shape[0]
-        if room >= 0:
-            rest = np.zeros((room, *later.shape[1:]))
+        padding = horizon - kept - braking.shape[0]
+        if padding >= 0:
+            rest = np.zeros((padding, *later.shape[1:]))
             yield _from_start(plan, np.concatenate([later[:kept], braking, rest]))
 
 
 def _from_start(plan: Trajectory, later: FloatArray) -> Trajectory:
-    """Return the motion from where the mission plan starts, with velocities `later` (N, m, d) [m/s] after that."""
+    """Return the motion from the plan's initial state with velocities `later` (N, m, d) [m/s] at samples 1 to N."""
     return Trajectory.from_velocities(plan.position[0], plan.velocity[0], later, plan.start_time, plan.period)

@@ -1,4 +1,4 @@
-"""The path of a plan among agents that are lost: until they come to rest they are obstacles that move."""
+"""Moving obstacles: the path of a plan for the verifier, with lost agents on their way to rest."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ if TYPE_CHECKING:
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
 
-_SAME_TIME = 1e-9
+_SAME_TIME_S = 1e-9
+"""Samples of the plan and of obstacles closer than this are merged [s]; a plain choice."""
 
 
 def path_among(plan: Trajectory, state: FleetState) -> Path:
-    """Return a plan's path in which the lost are where the state says, whatever the plan says of them."""
+    """Return a plan's path in which lost agents follow their obstacle trajectories instead of the plan."""
     time = plan.time
-    moving = {index: course for index, course in state.obstacles.items() if course.end_time > time[0] + _SAME_TIME}
+    begin = time[0] + _SAME_TIME_S
+    moving = {index: obstacle for index, obstacle in state.obstacles.items() if obstacle.end_time > begin}
     if not moving:
         position, velocity, force = plan.position, plan.velocity, plan.input
         if state.lost.any():
@@ -26,15 +28,15 @@ def path_among(plan: Trajectory, state: FleetState) -> Path:
             position[:, state.lost] = state.position[state.lost]
             velocity[:, state.lost] = force[:, state.lost] = 0.0
         return Path(time, position, velocity, force)
-    inner = np.unique(np.concatenate([course.time for course in moving.values()]))
+    inner = np.unique(np.concatenate([obstacle.time for obstacle in moving.values()]))
     inner = inner[(inner > time[0]) & (inner < time[-1])]
-    near = np.abs(time[:, None] - inner).min(axis=0) <= _SAME_TIME
+    near = np.abs(time[:, None] - inner).min(axis=0) <= _SAME_TIME_S
     every = np.sort(np.concatenate([time, inner[~near]]))
-    position, velocity = plan.at(every, _SAME_TIME)
-    force = plan.input_at(every, _SAME_TIME)
+    position, velocity = plan.at(every, _SAME_TIME_S)
+    force = plan.input_at(every, _SAME_TIME_S)
     position[:, state.lost] = state.position[state.lost]
     velocity[:, state.lost] = force[:, state.lost] = 0.0
-    for index, course in moving.items():
-        position[:, index], velocity[:, index] = course.at(every, _SAME_TIME)
-        force[:, index] = course.input_at(every, _SAME_TIME)
+    for index, obstacle in moving.items():
+        position[:, index], velocity[:, index] = obstacle.at(every, _SAME_TIME_S)
+        force[:, index] = obstacle.input_at(every, _SAME_TIME_S)
     return Path(every, position, velocity, force[:-1])

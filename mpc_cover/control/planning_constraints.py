@@ -1,4 +1,4 @@
-"""The constraints of the next plan: who takes part, which bounds can be kept, what can be measured."""
+"""The constraints of the next plan: active agents, attainable bounds, and what can be measured."""
 
 from __future__ import annotations
 
@@ -24,20 +24,24 @@ if TYPE_CHECKING:
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
 
-_NOTICED = 2
-"""Periods for which someone may fly on along the last plan when a message is lost: its reports tell within one."""
-_LEAST_RANGE = 0.75
-"""This part of the range is used at the least, however slow someone may be: the rest is better than nothing."""
+_MISSED_PERIODS = 2
+"""Periods for which an agent may stay on the last plan after a lost message: its reports reveal it within one, and the
+plan of that step begins at the next."""
+_REACTION_PERIODS = 2.0
+"""Periods from the report in which an agent is missing to the first plan that accounts for it: the step that notices,
+and the one at whose end its plan begins."""
+_RANGE_SHARE_MIN = 0.75
+"""Least part of the communication range that plans use, however slow an agent may be; a plain choice."""
 
 
 class PlanningConstraints:
-    """The bounds that plans of a flight are held to, step by step.
+    """The bounds of plans, updated at each step.
 
     Attributes
     ----------
-    fleet : tightened by the tube and for whoever may be slow, without the lost, as fast as it really is.
-    bounds : those that plans are held to; see `constraint_relaxation`.
-    reachable : (J, K), what those who are left can measure.
+    fleet : tightened by the tube and for agents that may be slow, without lost agents, with the speeds observed.
+    bounds : the bounds of plans, relaxed where the state requires it; see `constraint_relaxation`.
+    reachable : (J, K), what the active agents can measure.
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -45,79 +49,81 @@ class PlanningConstraints:
         self._tight = FleetConstraints.of(tightened(mission), reaction_periods=_reaction(mission))
         self._lost = np.zeros(mission.fleet.size, dtype=bool)
         self._share = np.ones(mission.fleet.size)
-        self.fleet = self._wary(self._tight)
+        self.fleet = self._with_range_reserve(self._tight)
         self.bounds = strict_bounds(self.fleet)
         self.reachable: BoolArray = np.ones((mission.fleet.radius.shape[1], mission.field.size), dtype=bool)
 
     @property
     def planned(self) -> FleetConstraints:
-        """The bounds that plans are to be made for."""
+        """The constraints to plan with."""
         return self.bounds.planned
 
     @property
     def horizon(self) -> int:
-        """Samples of the horizon."""
+        """Length of the horizon [samples]."""
         return self._given.spec.control.horizon_steps
 
     @property
-    def torn(self) -> bool:
-        """Whether not even the range can be kept from here."""
+    def range_infeasible(self) -> bool:
+        """Whether no known motion from the present state keeps the communication range."""
         return self.bounds.fleet.communication_range > self.fleet.communication_range
 
-    def parted(self, state: FleetState) -> bool:
-        """Return whether those who take part are out of range, or, after a loss, cannot stop before they are."""
-        return out_of_range(state.position, self.fleet) or (self.torn and bool(state.lost.any()))
+    def disconnected(self, state: FleetState) -> bool:
+        """Return whether active agents are out of range, or, after a loss, cannot stop before they are."""
+        return out_of_range(state.position, self.fleet) or (self.range_infeasible and bool(state.lost.any()))
 
     def update(self, state: FleetState, incumbent: Trajectory | None) -> bool:
-        """See who takes part, which bounds can be kept from here, and what is in reach; `incumbent` is flown so far.
+        """Update active agents, attainable bounds and reachable cells; `incumbent` is the plan in force.
 
-        Returns whether the fleet is another than before: someone was lost, came back, or is slower than was thought.
+        Returns whether the fleet has changed: an agent was lost, came back, or has another speed limit.
         """
         changed = not (np.array_equal(state.lost, self._lost) and np.array_equal(state.speed_share, self._share))
         if changed:
             self._lost, self._share = state.lost.copy(), state.speed_share.copy()
-            self.fleet = without_lost(slowed(self._wary(self._tight), self._share), self._lost)
+            self.fleet = without_lost(slowed(self._with_range_reserve(self._tight), self._share), self._lost)
             self.reachable = reachable(self.fleet, self._given.field.cell, state.position[self._lost])
-        self.bounds = attainable_bounds(self.fleet, self._ways_out(state, incumbent), state.actual)
+        self.bounds = attainable_bounds(self.fleet, self._fallbacks(state, incumbent), state.actual)
         return changed
 
-    def _ways_out(self, state: FleetState, incumbent: Trajectory | None) -> list[Path]:
-        """Return what can be flown whatever else is found: the rest of the plan flown so far, and the brake."""
+    def _fallbacks(self, state: FleetState, incumbent: Trajectory | None) -> list[Path]:
+        """Return the motions that are available in any case: the shifted incumbent, and braking."""
         known = [] if incumbent is None else [incumbent.remainder(state.time, state.position, state.velocity)]
         return [path_among(motion, state) for motion in (*known, self.brake(state))]
 
     def brake(self, state: FleetState) -> Trajectory:
-        """Return the motion that stops everyone as fast as they can."""
+        """Return the motion in which all agents brake at their input limits."""
         control = self._given.spec.control
         return braking_trajectory(
             state.position, state.velocity, self.fleet, state.time, control.period_s, control.horizon_steps
         )
 
     def keeps(self, plan: Trajectory, state: FleetState) -> bool:
-        """Return whether the verifier passes a plan from a state."""
+        """Return whether the verifier accepts a plan from a state."""
         return self.bounds.keeps(path_among(plan, state), state.actual)
 
-    def keeps_if_missed(self, plan: Trajectory, known: Trajectory) -> bool:
-        """Return whether all is well while anyone goes on along the plan that is known, until that is noticed."""
-        last = min(_NOTICED, plan.steps, known.steps)
+    def safe_if_missed(self, plan: Trajectory, known: Trajectory) -> bool:
+        """Return whether the bounds hold while any agent stays on the known plan, until the missed one is noticed."""
+        last = min(_MISSED_PERIODS, plan.steps, known.steps)
         new, old = (
             Path(one.time[: last + 1], one.position[: last + 1], one.velocity[: last + 1], one.input[:last])
             for one in (plan, known)
         )
         return self.bounds.keeps_mixed(new, old)
 
-    def leaves_room(self, plan: Trajectory, known: Trajectory, before: tuple[FloatArray, FloatArray] | None) -> bool:
-        """Return whether a plan leaves as much room to stop as is wanted, or as the known one does.
+    def keeps_passive_safety(
+        self, plan: Trajectory, known: Trajectory, before: tuple[FloatArray, FloatArray] | None
+    ) -> bool:
+        """Return whether a plan is passively safe, or at least as safe as the known one.
 
-        `before` is the state a period earlier: who stopped then is not known of yet.
+        `before` is the state (m, d) [m], [m/s] a period earlier: agents that stopped then have not been noticed yet.
         """
         new = self.braking_violation(plan, before)
         return new <= BRAKING_TOLERANCE or new <= self.braking_violation(known, before)
 
     def braking_violation(self, plan: Trajectory, before: tuple[FloatArray, FloatArray] | None = None) -> float:
-        """Return by how much [m] someone comes too near to one who stops without warning, or that one leaves the box.
+        """Return by how much [m] a plan violates passive safety: separation from braking agents, or the box.
 
-        `before` is as above.
+        `before` is as in `keeps_passive_safety`.
         """
         position, velocity = plan.position, plan.velocity
         if before is not None:
@@ -125,22 +131,22 @@ class PlanningConstraints:
             position, velocity = (np.concatenate([first[None], later]) for first, later in pairs)
         return braking_violation(position, velocity, plan.period, self.bounds.planned)
 
-    def _wary(self, fleet: FleetConstraints) -> FleetConstraints:
-        """Return the fleet with range to spare for those who may yet turn out to be slow: they fall behind at first."""
+    def _with_range_reserve(self, fleet: FleetConstraints) -> FleetConstraints:
+        """Return the fleet with a reduced range while slow agents are not identified: until then they fall behind."""
         stated = [share for share in self._given.spec.disturbance.slow_agents.values() if share < 1.0]
         if len(stated) <= np.count_nonzero(self._share < 1.0):
             return fleet
         behind = (1.0 - min(stated)) * float(fleet.speed_max.max())
         unseen_s = fleet.reaction_periods * self._given.spec.control.period_s
         reach = fleet.communication_range
-        return replace(fleet, communication_range=max(reach - behind * unseen_s, _LEAST_RANGE * reach))
+        return replace(fleet, communication_range=max(reach - behind * unseen_s, _RANGE_SHARE_MIN * reach))
 
 
 def _reaction(mission: Mission) -> float:
-    """Return how many periods may pass from a death until others fly a plan that knows of it.
+    """Return the periods from the stop of an agent until the others follow a plan that accounts for it.
 
-    It brakes from its last report on. A tick sees that it is gone; the plan of that tick begins at the next.
+    The agent brakes from its last report on. A step notices that it is lost; the plan of that step begins at the next.
     """
     control = mission.spec.control
     unheard_s = control.state_period_s + mission.spec.disturbance.delay_s
-    return 2.0 + unheard_s / control.period_s if mission.fleet.size > 1 else 0.0
+    return _REACTION_PERIODS + unheard_s / control.period_s if mission.fleet.size > 1 else 0.0

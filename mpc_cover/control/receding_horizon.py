@@ -1,8 +1,8 @@
-"""The receding-horizon control law: it knows the rest of the mission and re-solves the segment ahead.
+"""The receding-horizon control law: a plan for the whole mission, whose segment within the horizon is re-optimised.
 
-A plan for the whole mission is made before anyone moves. Each step re-solves the segment within the horizon from the
-newest state, asking for the same coverage a sample sooner, and splices it into the mission plan. What is proposed is
-that segment, ended at rest and verified. What becomes of it the law learns by `published` alone.
+The mission plan is computed before the fleet moves. Each step re-optimises the segment within the horizon from the
+newest state, for the same coverage a sample sooner, and splices it into the mission plan. The proposal is that segment,
+extended to rest and verified. The law learns by `published` alone which proposals were sent.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ if TYPE_CHECKING:
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.candidate import Candidate
 
-_LAST = 3
-"""So few samples before its end a mission plan that leaves something owed gives way to the next."""
+_LAST_STEPS = 3
+"""Remaining samples at which a mission plan that does not cover all its demand is replaced; a plain choice."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Flight:
-    """What the law goes by from one step to the next.
+class _LawState:
+    """The state that the law carries from one step to the next.
 
     Attributes
     ----------
-    plan : the mission plan that is flown; None when there is none.
-    former : a mission plan of before a fault, whose ways may still do.
-    mode : what is done with the fleet.
-    history : of thorough plannings.
+    plan : the present mission plan; None when there is none.
+    former : the mission plan before a fault, whose paths may be reused.
+    mode : the present mode.
+    history : of thorough searches at rest.
     """
 
     plan: Trajectory | None
@@ -55,168 +55,171 @@ class _Flight:
 
 
 class RecedingHorizon:
-    """The control law of the daemon and of the simulation.
+    """The control law of `serve`, `demo` and `simulate`; see `control_law.ControlLaw`.
 
     Parameters
     ----------
-    mission : what to cover, with whom.
+    mission : field, fleet and control parameters.
     backend : QP back-end: piqp, clarabel or osqp.
-    seed : of whatever is random; with budgets of counted work the law is deterministic.
+    seed : kept as an attribute for records; with budgets of counted work the law is deterministic.
+    planner : searches for plans; one with that back-end where it is left out.
     """
 
     tolerates_losses = True
 
-    def __init__(self, mission: Mission, *, backend: str = "piqp", seed: int = 0) -> None:
+    def __init__(
+        self, mission: Mission, *, backend: str = "piqp", seed: int = 0, planner: Planner | None = None
+    ) -> None:
         self.seed = seed
         self._field, self._period = mission.field, mission.spec.control.period_s
         self._planning_s = mission.spec.control.planning_time_s
         self._constraints = PlanningConstraints(mission)
-        planner = Planner(backend)
+        planner = planner or Planner(backend)
         self._allocation = DemandAllocation(mission.field)
         self._candidates = CandidateGenerator(mission, self._constraints, self._allocation, planner)
         self._improvement = PlanImprovement(mission, self._constraints, self._allocation, planner)
         self._incumbent: Trajectory | None = None
-        self._flight = _Flight(None, None, Mode.NOMINAL, ReplanHistory(self._planning_s))
-        self._proposed: tuple[Trajectory, _Flight] | None = None
+        self._law_state = _LawState(None, None, Mode.NOMINAL, ReplanHistory(self._planning_s))
+        self._proposed: tuple[Trajectory, _LawState] | None = None
 
     @property
     def mode(self) -> Mode:
-        """What is done with the fleet; `REPLAN_AT_REST` when steps are too short for what is to be planned."""
-        return self._flight.mode
+        """The present mode; `REPLAN_AT_REST` when steps are too short to find a plan worth flying."""
+        return self._law_state.mode
 
     def published(self, trajectory: Trajectory) -> None:
-        """Learn that a proposal was sent: it is the incumbent, and what it was made for is flown."""
+        """Notify the law that a proposal was sent: it becomes the incumbent, and the state found with it is adopted."""
         self._incumbent = trajectory
         if self._proposed is not None and self._proposed[0] is trajectory:
-            self._flight = self._proposed[1]
+            self._law_state = self._proposed[1]
 
     def step(self, state: FleetState, coverage: FlownMap, budget: Budget) -> Proposal:
-        """Return the plan from the predicted state on; never raises for numerical trouble.
+        """Return a proposal from the predicted state on; never raises for numerical reasons.
 
-        For a fleet that has settled the whole mission is planned thoroughly. Whenever the budget is too short for a
-        plan worth flying, the fleet stays at rest, and the next planning takes twice as long.
+        For a settled fleet the search is thorough. If the budget is too short for a plan worth flying, the fleet stays
+        at rest, and the next search takes twice as long.
         """
-        if self._constraints.update(state, self._incumbent):  # no plan of before is for this fleet
-            self._flight = replace(self._flight, plan=None, former=self._flight.plan or self._flight.former)
+        if self._constraints.update(state, self._incumbent):  # earlier plans are for another fleet
+            self._law_state = replace(self._law_state, plan=None, former=self._law_state.plan or self._law_state.former)
         if state.settled:
-            budget = budget.extended((self._flight.history.patience - 1.0) * self._planning_s)
-        proposal, flight = self._decide(state, coverage, budget)
-        self._proposed = proposal.trajectory, flight
-        self._flight = _if_not_sent(self._flight, flight)
+            budget = budget.extended((self._law_state.history.time_factor - 1.0) * self._planning_s)
+        proposal, law = self._decide(state, coverage, budget)
+        self._proposed = proposal.trajectory, law
+        self._law_state = _if_not_sent(self._law_state, law)
         return proposal
 
-    def _decide(self, state: FleetState, coverage: FlownMap, budget: Budget) -> tuple[Proposal, _Flight]:
-        """Return what to propose, and what the law goes by once it is sent."""
-        flight = self._flight
-        rest = None if state.settled else self._rest_of(flight.plan, state)
+    def _decide(self, state: FleetState, coverage: FlownMap, budget: Budget) -> tuple[Proposal, _LawState]:
+        """Return what to propose, and the state of the law once it is sent."""
+        law = self._law_state
+        rest = None if state.settled else self._rest_of(law.plan, state)
         situation = Situation(
             settled=state.settled,
             work_left=bool((coverage.owed & self._constraints.reachable).any()),
-            parted=self._constraints.parted(state),
-            lost_touch=bool(state.lost.any()) and out_of_range(state.position, self._constraints.fleet),
-            torn=self._constraints.torn,
+            disconnected=self._constraints.disconnected(state),
+            disconnected_by_loss=bool(state.lost.any()) and out_of_range(state.position, self._constraints.fleet),
+            range_infeasible=self._constraints.range_infeasible,
             on_plan=rest is not None,
         )
-        mode = next_mode(flight.mode, situation)
+        mode = next_mode(law.mode, situation)
         if mode in {Mode.STOP, Mode.REPLAN_AT_REST}:
             reason = "all is covered" if mode is Mode.STOP else "stops to plan at rest"
             proposal = stop_proposal(self._constraints, state, self._incumbent, reason)
         else:
-            broken_off = flight.plan is not None and rest is None and state.time < flight.plan.end_time
-            if broken_off and flight.mode is not Mode.RENDEZVOUS and not state.settled:
-                flight = replace(flight, former=flight.plan)
-            flight = replace(flight, plan=rest)
-            flight, situation, reason = self._plan(flight, mode, situation, state, coverage, budget)
+            broken_off = law.plan is not None and rest is None and state.time < law.plan.end_time
+            if broken_off and law.mode is not Mode.RENDEZVOUS and not state.settled:
+                law = replace(law, former=law.plan)
+            law = replace(law, plan=rest)
+            law, situation, reason = self._plan(law, mode, situation, state, coverage, budget)
             mode = next_mode(mode, situation)
-            proposal = best_proposal(self._constraints, state, flight.plan, self._incumbent, reason)
+            proposal = best_proposal(self._constraints, state, law.plan, self._incumbent, reason)
         if proposal.source is PlanSource.BRAKE:
             mode = next_mode(mode, replace(situation, safe=False))
-        history = flight.history.after(mode) if state.settled else flight.history
-        return proposal, replace(flight, mode=mode, history=history)
+        history = law.history.after(mode) if state.settled else law.history
+        return proposal, replace(law, mode=mode, history=history)
 
     def _plan(
         self,
-        flight: _Flight,
+        law: _LawState,
         mode: Mode,
         situation: Situation,
         state: FleetState,
         coverage: FlownMap,
         budget: Budget,
-    ) -> tuple[_Flight, Situation, str]:
-        """Improve the mission plan, or find another one; return what is found with it, and how, in words."""
-        plan, meets = flight.plan, flight.mode is Mode.RENDEZVOUS
-        if plan is not None and not meets and not self._runs_out(plan, state, coverage):
+    ) -> tuple[_LawState, Situation, str]:
+        """Improve the mission plan, or find another one; return state, situation and reason."""
+        plan, in_rendezvous = law.plan, law.mode is Mode.RENDEZVOUS
+        if plan is not None and not in_rendezvous and not self._runs_out(plan, state, coverage):
             plan, reason = self._improvement.improved(plan, state, coverage, self._incumbent, budget)
-            return replace(flight, plan=plan), situation, reason
+            return replace(law, plan=plan), situation, reason
         reason = "nothing better was found"
         if mode is Mode.NOMINAL:
-            flight, situation, reason = self._cover(flight, situation, state, coverage, budget)
+            law, situation, reason = self._cover(law, situation, state, coverage, budget)
             mode = next_mode(mode, situation)
         if mode is Mode.RENDEZVOUS:
-            flight, situation, reason = self._meet(flight, situation, state)
-            in_touch = not out_of_range(state.position, self._constraints.fleet)
-            if not situation.can_meet and situation.parted and in_touch:
-                flight, situation, reason = self._cover(flight, situation, state, coverage, budget)
-        if not state.settled and self._is_stranded(flight, state, coverage, budget):
-            stranded, history = flight.history.stranded(state.position, float(coverage.residual.sum()))
-            flight = replace(flight, history=history)
+            law, situation, reason = self._rendezvous(law, situation, state)
+            connected = not out_of_range(state.position, self._constraints.fleet)
+            if not situation.rendezvous_possible and situation.disconnected and connected:
+                law, situation, reason = self._cover(law, situation, state, coverage, budget)
+        if not state.settled and self._is_stranded(law, state, coverage, budget):
+            stranded, history = law.history.stranded(state.position, float(coverage.residual.sum()))
+            law = replace(law, history=history)
             situation = replace(situation, worth_replanning=situation.worth_replanning or stranded)
-        return flight, situation, reason
+        return law, situation, reason
 
     def _cover(
-        self, flight: _Flight, situation: Situation, state: FleetState, coverage: FlownMap, budget: Budget
-    ) -> tuple[_Flight, Situation, str]:
-        """Take the best plan that is found for what is owed, if any is better than to go on as before."""
-        best = self._candidates.best(state, coverage, flight.former, budget)
+        self, law: _LawState, situation: Situation, state: FleetState, coverage: FlownMap, budget: Budget
+    ) -> tuple[_LawState, Situation, str]:
+        """Adopt the best plan that is found for the demand, if it is better than to continue as before."""
+        best = self._candidates.best(state, coverage, law.former, budget)
         if best is None:
-            return flight, replace(situation, out_of_plans=flight.plan is None), "nothing better was found"
-        if best.idle and flight.plan is not None and flight.mode is not Mode.RENDEZVOUS:
-            return flight, situation, "no way on was found yet"
-        hasty = best.idle and flight.former is not None
-        worth = hasty or self._is_poor(best, flight, state, coverage)
+            return law, replace(situation, no_plan_found=law.plan is None), "nothing better was found"
+        if best.idle and law.plan is not None and law.mode is not Mode.RENDEZVOUS:
+            return law, situation, "no plan was found yet"
+        found_too_late = best.idle and law.former is not None
+        worth = found_too_late or self._is_poor(best, law, state, coverage)
         situation = replace(situation, worth_replanning=worth, on_plan=True)
-        return replace(flight, plan=best.plan, former=None), situation, best.origin.name
+        return replace(law, plan=best.plan, former=None), situation, best.origin.name
 
-    def _meet(self, flight: _Flight, situation: Situation, state: FleetState) -> tuple[_Flight, Situation, str]:
-        """Fly on to where groups that are out of range of each other meet, or find such a plan."""
-        if flight.plan is not None:
-            return flight, situation, "meets again"
-        nothing = np.zeros((self._constraints.reachable.shape[0], 0))
+    def _rendezvous(self, law: _LawState, situation: Situation, state: FleetState) -> tuple[_LawState, Situation, str]:
+        """Continue the rendezvous of groups that are out of range of each other, or find a motion for it."""
+        if law.plan is not None:
+            return law, situation, "rendezvous"
+        no_demand = np.zeros((self._constraints.reachable.shape[0], 0))
         here = (state.position, state.velocity, state.time)
-        task = Task(self._constraints.fleet, self._field.cell[:0], nothing, *here, self._period)
+        task = Task(self._constraints.fleet, self._field.cell[:0], no_demand, *here, self._period)
         plans = (guess.motion for guess in Rendezvous().guesses(task))
         plan = next((plan for plan in plans if plan is not None and self._constraints.keeps(plan, state)), None)
-        reason = "meets again" if plan is not None else "nothing better was found"
-        return replace(flight, plan=plan), replace(situation, can_meet=plan is not None), reason
+        reason = "rendezvous" if plan is not None else "nothing better was found"
+        return replace(law, plan=plan), replace(situation, rendezvous_possible=plan is not None), reason
 
-    def _is_poor(self, best: Candidate, flight: _Flight, state: FleetState, coverage: FlownMap) -> bool:
-        """Return whether a plan leaves most of what is owed, so that longer planning is worth while."""
+    def _is_poor(self, best: Candidate, law: _LawState, state: FleetState, coverage: FlownMap) -> bool:
+        """Return whether a plan leaves most of the demand, so that a longer search is worth while."""
         if best.covers or coverage.endless:
             return False
-        owed = self._left_by(state.position[None], state, coverage)
-        return flight.history.is_poor(self._left_by(best.plan.position, state, coverage), owed)
+        demand = self._left_by(state.position[None], state, coverage)
+        return law.history.is_poor(self._left_by(best.plan.position, state, coverage), demand)
 
-    def _is_stranded(self, flight: _Flight, state: FleetState, coverage: FlownMap, budget: Budget) -> bool:
-        """Return whether a fleet at rest finds no way on in time, though something is owed."""
-        here, plan = state.position, flight.plan
+    def _is_stranded(self, law: _LawState, state: FleetState, coverage: FlownMap, budget: Budget) -> bool:
+        """Return whether a fleet at rest has found no plan that moves it in time, though demand is outstanding."""
+        here, plan = state.position, law.plan
         in_time = budget.left_s > -self._period
-        seen = plan.position if plan is not None and in_time else here[None]
-        if state.velocity.any() or not stays_at(seen, here):
+        later = plan.position if plan is not None and in_time else here[None]
+        if state.velocity.any() or not stays_at(later, here):
             return False
-        return bool((self._left_by(seen, state, coverage) > 0.0).any())
+        return bool((self._left_by(later, state, coverage) > 0.0).any())
 
     def _runs_out(self, plan: Trajectory, state: FleetState, coverage: FlownMap) -> bool:
-        """Return whether a mission plan has done its part, or is about to end, while more is to be done."""
+        """Return whether a mission plan has covered its demand, or is about to end, while more is outstanding."""
         if coverage.endless:
             return not coverage.demand(state.time, state.position).gamma.any()
-        if plan.steps > _LAST:
+        if plan.steps > _LAST_STEPS:
             return False
         _, looks = self._allocation.left(coverage, state, plan.position, self._constraints.planned.radius)
         left = self._left_by(plan.position, state, coverage)
         return self._allocation.more or (looks is not None and bool((left > 0.0).any()))
 
     def _rest_of(self, plan: Trajectory | None, state: FleetState) -> Trajectory | None:
-        """Return what is left of the mission plan from this state on, or None when it is over or of no use."""
+        """Return the rest of the mission plan from this state on, or None if it is over or violates the constraints."""
         if plan is None:
             return None
         done = round((state.time - plan.start_time) / self._period)
@@ -226,16 +229,16 @@ class RecedingHorizon:
         return rest if self._constraints.keeps(rest, state) else None
 
     def _left_by(self, later: FloatArray, state: FleetState, coverage: FlownMap) -> FloatArray:
-        """Return the weights (J, K) of what is asked for and not brought by later positions of the plan."""
+        """Return the weights (J, K) of the allocated demand that `later` positions (n, m, d) [m] do not cover."""
         weight, _ = self._allocation.left(coverage, state, later, self._constraints.planned.radius)
         return weight * self._constraints.reachable
 
 
-def _if_not_sent(flown: _Flight, found: _Flight) -> _Flight:
-    """Return what the law goes by should a proposal not be sent: as before, but what was found is not forgotten.
+def _if_not_sent(present: _LawState, found: _LawState) -> _LawState:
+    """Return the state of the law if a proposal is not sent: unchanged, but for what remains true of what was found.
 
-    Its ways may still do from where the fleet is then, and that steps are too short stays true.
+    The paths of its plan may be reused later, and steps remain too short where they were found to be.
     """
     former = found.plan if found.mode is Mode.NOMINAL else found.former
-    mode = Mode.REPLAN_AT_REST if found.mode is Mode.REPLAN_AT_REST else flown.mode
-    return replace(flown, former=former or flown.former, mode=mode)
+    mode = Mode.REPLAN_AT_REST if found.mode is Mode.REPLAN_AT_REST else present.mode
+    return replace(present, former=former or present.former, mode=mode)

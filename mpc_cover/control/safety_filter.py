@@ -1,15 +1,15 @@
-"""The safety filter: the only gate between a control law and the fleet.
+"""The safety filter: every trajectory passes it before it is sent to the fleet.
 
-Whatever a law proposes is judged by the independent verifier, which shares no code with planning or solvers, against
-the mission's own bounds: finite numbers, start, dynamics, limits, box, separation and connectivity along the continuous
-path, rest at the end. Bounds that the fleet's state is outside of already are relaxed to what the plan flown so far, or
-braking at once, attains (`constraint_relaxation`): never more.
+An independent verifier, which shares no code with planning or solvers, checks each proposal against the mission's
+bounds: finite numbers, start, dynamics, limits, box, separation and connectivity along the continuous path, rest at
+the end. Bounds that the fleet's state already violates are relaxed to what the incumbent plan, or immediate braking,
+attains (`constraint_relaxation`), and no further.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,25 +27,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a trajectory may be sent, and if not, why, in words."""
+    """Whether a trajectory is admitted, and if not, the reason in words."""
 
     admitted: bool
     reason: str = ""
 
 
 class SafetyFilter:
-    """Judges what is about to be sent to a mission's fleet.
+    """Admits or rejects trajectories for a mission's fleet.
 
     Parameters
     ----------
-    mission : whose bounds hold, tightened by what disturbed agents may stray from their plans.
+    mission : its bounds apply, tightened by the tube of its disturbances.
     """
 
     def __init__(self, mission: Mission) -> None:
         self._fleet, self._control = tightened(mission), mission.spec.control
 
     def admit(self, trajectory: Trajectory, state: FleetState, incumbent: Trajectory | None) -> Verdict:
-        """Return whether a fleet in this state may be sent a trajectory; `incumbent` is what was sent last.
+        """Return whether a trajectory may be sent to a fleet in this state; `incumbent` is the one that was sent last.
 
         Never raises on account of the trajectory.
         """
@@ -57,23 +57,30 @@ class SafetyFilter:
         stop = braking_trajectory(
             state.position, state.velocity, fleet, state.time, control.period_s, control.horizon_steps
         )
-        ways_out = [path_among(motion, state) for motion in (*known, stop)]
-        bounds = attainable_bounds(fleet, ways_out, state.actual)
+        fallbacks = [path_among(motion, state) for motion in (*known, stop)]
+        bounds = attainable_bounds(fleet, fallbacks, state.actual)
         failure = bounds.failure(path_among(trajectory, state), state.actual)
         return Verdict(admitted=failure is None, reason=failure or "")
 
     def _malformed(self, trajectory: Trajectory, state: FleetState) -> str | None:
         """Return why a trajectory is none of this fleet from this state on, or None."""
-        steps, shape = trajectory.time.size - 1, state.position.shape
-        expected = {"position": (steps + 1, *shape), "velocity": (steps + 1, *shape), "input": (steps, *shape)}
-        for name, wanted in expected.items():
-            if (found := getattr(trajectory, name).shape) != wanted or steps < 1:
+        names = ("time", "position", "velocity", "input")
+        arrays: dict[str, Any] = {name: getattr(trajectory, name, None) for name in names}
+        for name, array in arrays.items():
+            if not isinstance(array, np.ndarray) or not np.issubdtype(array.dtype, np.floating):
+                return f"{name} must be an array of floating-point numbers"
+        steps, shape = arrays["time"].size - 1, state.position.shape
+        expected = {"time": (steps + 1,), "position": (steps + 1, *shape), "velocity": (steps + 1, *shape)}
+        for name, wanted in {**expected, "input": (steps, *shape)}.items():
+            if (found := arrays[name].shape) != wanted or steps < 1:
                 return f"{name} has shape {found}, must be {wanted} with one step at the least"
         period = self._control.period_s
         grid = state.time + period * np.arange(steps + 1)
-        if not (np.abs(trajectory.time - grid) <= SNAP_S * (1.0 + np.abs(grid))).all():
+        if trajectory.period != period:  # agents are sent the period, not the times
+            return f"period is {trajectory.period} s, must be {period:g} s"
+        if not (np.abs(arrays["time"] - grid) <= SNAP_S * (1.0 + np.abs(grid))).all():
             return f"samples must lie every {period:g} s from {state.time:g} s on"
-        for name in expected:
-            if not np.isfinite(getattr(trajectory, name)).all():
+        for name, array in arrays.items():
+            if not np.isfinite(array).all():
                 return f"{name} must be finite"
         return None

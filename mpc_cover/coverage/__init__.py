@@ -1,1 +1,1 @@
-"""Nearest samples, the objective (4.34) and its convex majoriser."""
+"""The coverage objective (4.34), its convex majoriser, and the nearest-sample search that both use."""

@@ -1,9 +1,9 @@
-"""The convex majoriser of the coverage objective: soft-min, then linearise and bend.
+"""The convex majoriser of the coverage objective: its soft minimum, linearised, with the curvature of the distances.
 
 softmin_b(e) = -(1/b) log sum exp(-b e_n) is concave in the excesses e_n = d_n - rho, so its tangent bounds
 it from above, and every d_n = ||q_n - p_k|| is convex in q_n. Their composition is a convex function that
 touches sum gamma pos(softmin - r) at the current motion and lies above it everywhere else: minimising it
-is a majorise-minimise step (Hunter & Lange, 2004). The QP keeps the distances to second order.
+is a majorise-minimise step (Hunter & Lange, 2004). The QP approximates the distances to second order.
 """
 
 from __future__ import annotations
@@ -14,29 +14,32 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.coverage.nearest import nearest_samples
+from mpc_cover.model.tolerances import NO_DIRECTION
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.coverage.nearest import Nearest
 
-_SHORTEST = 0.3
-"""Distances below this [m] bend as if they were this long: the curvature 1/d has a pole."""
+_CURVATURE_DISTANCE_MIN = 0.3
+"""Least distance in the curvature 1/d, which has a pole at 0 [m]; a plain choice."""
+SAMPLES_PER_TERM = 6
+"""Samples over which the soft minimum of a cell is taken; a plain choice."""
 
 
 @dataclass(frozen=True)
 class Softness:
-    """How soft the minimum is, and how far inside the sensing disc a cell must come to count.
+    """Sharpness of the soft minimum, and the sensing margin.
 
     Attributes
     ----------
     beta : sharpness of the soft minimum [1/m]; it lies up to log(M)/beta below the minimum.
     margin : sensing margin [m], taken off every radius.
-    count : M, samples kept for each cell.
+    count : M, nearest samples of each cell that the soft minimum is taken over.
     """
 
     beta: float
     margin: float
-    count: int = 6
+    count: int = SAMPLES_PER_TERM
 
 
 def soft_minimum(excess: FloatArray, beta: float) -> tuple[FloatArray, FloatArray]:
@@ -55,7 +58,10 @@ def soft_cost(
     softness: Softness,
     looks: IntArray | None = None,
 ) -> float:
-    """Return J_beta = sum gamma pos(softmin_beta(e) + margin) [m]: what a majorise-minimise step lowers."""
+    """Return J_beta = sum gamma pos(softmin_beta(e) + margin) [m], which a majorise-minimise step decreases.
+
+    `position` is (N+1, m, d) [m]; further arguments as in `nearest.nearest_samples`.
+    """
     nearest = nearest_samples(position, cell, radius, weight, softness.count, looks)
     value, _ = soft_minimum(nearest.excess, softness.beta)
     return float(nearest.weight @ np.maximum(value + softness.margin, 0.0))
@@ -69,7 +75,7 @@ class Majoriser:
     ----------
     level : (R,) softmin + margin at the motion [m].
     weight : (R,) gamma.
-    sample : (R, M) index of the samples that a term depends on.
+    sample : (R, M) flat indices n * m + i of the samples that a term depends on.
     slope : (R, M, d) w_n (qbar_n - p) / ||qbar_n - p||.
     share : (R, M) w, the gradient of the soft minimum; rows sum to 1.
     cost : sum gamma pos(level), the value at the motion [m].
@@ -85,10 +91,10 @@ class Majoriser:
     _distance: FloatArray
 
     def curvature(self, term: BoolArray, samples: int) -> FloatArray:
-        """Return (samples, d, d): the sum over some terms of gamma w (I - r r') / d  (W_k of Appendix A)."""
+        """Return (samples, d, d) [1/m]: sum over the selected terms of gamma w (I - r r') / d  (W_k of Appendix A)."""
         dimension = self.slope.shape[2]
         blocks = np.zeros((samples, dimension, dimension))
-        scale = (self.weight[term, None] * self.share[term]) / np.maximum(self._distance[term], _SHORTEST)
+        scale = (self.weight[term, None] * self.share[term]) / np.maximum(self._distance[term], _CURVATURE_DISTANCE_MIN)
         direction = self._direction[term]
         index = self.sample[term].ravel()
         for a in range(dimension):
@@ -99,10 +105,10 @@ class Majoriser:
         return blocks
 
     def gradient(self, term: BoolArray, samples: int) -> FloatArray:
-        """Return (samples, d): the sum of gamma * slope over some terms."""
-        pull = self.weight[term, None, None] * self.slope[term]
+        """Return (samples, d): sum over the selected terms of gamma * slope."""
+        weighted = self.weight[term, None, None] * self.slope[term]
         index = self.sample[term].ravel()
-        columns = [np.bincount(index, pull[:, :, a].ravel(), samples) for a in range(pull.shape[2])]
+        columns = [np.bincount(index, weighted[:, :, a].ravel(), samples) for a in range(weighted.shape[2])]
         return np.stack(columns, axis=1)
 
 
@@ -132,6 +138,6 @@ def build_majoriser(
 
 
 def _directions(points: FloatArray, cell: FloatArray, nearest: Nearest) -> FloatArray:
-    """Return (R, M, d) unit vectors from cells to samples; zero where they coincide, as the subgradient may be."""
+    """Return (R, M, d) unit vectors from cells to samples; zero, a valid subgradient, where they coincide."""
     difference = points[nearest.sample] - cell[nearest.cell][:, None, :]
-    return np.asarray(difference / np.maximum(nearest.distance, 1e-9)[:, :, None])
+    return np.asarray(difference / np.maximum(nearest.distance, NO_DIRECTION)[:, :, None])

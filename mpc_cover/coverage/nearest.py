@@ -1,4 +1,4 @@
-"""For every cell and magnitude, the samples of the fleet's motion that come nearest to measuring it."""
+"""For every cell and magnitude, the samples of the fleet's motion that are nearest to measuring it."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ if TYPE_CHECKING:
 Array = TypeVar("Array", "FloatArray", "IntArray")
 
 _DENSE = 200_000
-"""More pairs of cells and samples than this are searched by a tree rather than all compared."""
+"""Pairs of cells and samples above which a k-d tree is used instead of all distances; a plain choice."""
 FAR = 1e9
-"""Stands for "never" where fewer samples than asked for can measure a magnitude [m]."""
+"""Distance of the missing samples where fewer than requested can measure a magnitude [m]; beyond any mission's size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """The M nearest samples of R looks at pairs (magnitude, cell) that are still owed.
+    """The M nearest samples of each of R outstanding looks, at pairs (magnitude, cell).
 
-    A pair that is owed r looks stands here r times: of its nearest samples the first, the r+1st, ... belong to
+    A pair with r outstanding looks has r rows: of its nearest samples the first, the r+1st, ... belong to
     the first look, the second, the r+2nd, ... to the second, and so on. The looks share no sample, so the
-    sum of their minima is never less than the sum of the r smallest, and equal to it when ranked anew.
+    sum of their minima is never less than the sum of the r smallest, and equal to it when ranked again.
 
     Attributes
     ----------
     sample : (R, M) index n * m + i of sample n of agent i.
     distance : (R, M) Euclidean distance [m].
-    excess : (R, M) distance - rho_j^(i) [m], what (4.34) takes the minimum of.
+    excess : (R, M) distance - rho_j^(i) [m], of which (4.34) takes the minimum.
     cell : (R,) index of the cell.
     weight : (R,) gamma_jk.
     """
@@ -53,10 +53,10 @@ def nearest_samples(
     count: int,
     looks: IntArray | None = None,
 ) -> Nearest:
-    """Find the `count` samples of smallest excess for each look at a pair with a positive weight.
+    """Return the `count` samples of smallest excess for each look at a pair with a positive weight.
 
     `position` is (N+1, m, d) [m]; `cell` (K, d) [m]; `radius` (m, J) [m], -inf where an agent cannot
-    measure a magnitude; `weight` (J, K); `looks` (J, K), None for one look each.
+    measure a magnitude; `weight` (J, K); `looks` (J, K) outstanding, None for one each.
     """
     agents = position.shape[1]
     points = position.reshape(-1, position.shape[2])
@@ -92,8 +92,11 @@ def nearest_samples(
     )
 
 
-def still_owed(position: FloatArray, cell: FloatArray, radius: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return the weights (J, K) of what a motion (N+1, m, d) [m] leaves over; N+1 may be 0."""
+def remaining_weight(position: FloatArray, cell: FloatArray, radius: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the weights (J, K) that remain after a motion (N+1, m, d) [m]: 0 where it measures; N+1 may be 0.
+
+    `cell` is (K, d) [m]; `radius` (m, J) [m]; `weight` (J, K) before the motion.
+    """
     left = weight.copy()
     if position.shape[0] == 0 or not (weight > 0.0).any():
         return left
@@ -112,7 +115,7 @@ def _by_tree(
     live: IntArray,
     weight: FloatArray,
 ) -> Nearest:
-    """Find the nearest samples of many pairs: a tree for each radius, whose results are merged."""
+    """Return the nearest samples of many pairs: one k-d tree for each radius, results merged."""
     samples, distances, excesses = [], [], []
     for radius in np.unique(reach):
         some = np.flatnonzero(reach == radius)
@@ -134,7 +137,7 @@ def _by_tree(
 
 
 def pairwise_distance(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return (A, B) [m] distances between points (A, d) and (B, d); a component at a time is the fastest."""
+    """Return distances (A, B) [m] between points (A, d) and (B, d) [m]; one component at a time is the fastest."""
     square = np.zeros((a.shape[0], b.shape[0]))
     for axis in range(a.shape[1]):
         difference = a[:, None, axis] - b[None, :, axis]
@@ -151,30 +154,32 @@ def _smallest(values: FloatArray, count: int) -> IntArray:
 
 
 def _ranked(excess: FloatArray, count: int, looks: IntArray | None) -> tuple[IntArray, IntArray]:
-    """Return (R,) rows and (R, count) columns of `excess`: the nearest samples, dealt out to the looks of each row."""
+    """Return (R,) rows and (R, count) columns of `excess`: the nearest samples, distributed over each row's looks."""
     if looks is None or (looks == 1).all():
         return np.arange(excess.shape[0]), _smallest(excess, count)
-    there, rows, columns = excess.shape[1], [], []
-    asked = np.unique(looks)
-    width = int(np.minimum(-(-there // asked), count).max())
-    for owed in asked.tolist():
-        some = np.flatnonzero(looks == owed)
-        near = _smallest(excess[some], min(owed * count, there))
+    available, rows, columns = excess.shape[1], [], []
+    counts = np.unique(looks)
+    width = int(np.minimum(-(-available // counts), count).max())
+    for required in counts.tolist():
+        some = np.flatnonzero(looks == required)
+        near = _smallest(excess[some], min(required * count, available))
         order = np.argsort(np.take_along_axis(excess[some], near, axis=1), axis=1, kind="stable")
-        dealt = np.take_along_axis(near, order, axis=1)[:, _deal(owed, min(owed * count, there), width)]
-        rows.append(np.tile(some, dealt.shape[1]))
-        columns.append(np.swapaxes(dealt, 0, 1).reshape(-1, width))
+        ranked = np.take_along_axis(near, order, axis=1)[
+            :, _distribution(required, min(required * count, available), width)
+        ]
+        rows.append(np.tile(some, ranked.shape[1]))
+        columns.append(np.swapaxes(ranked, 0, 1).reshape(-1, width))
     return np.concatenate(rows), np.concatenate(columns)
 
 
-def _deal(owed: int, there: int, width: int) -> IntArray:
-    """Return (looks, width): which of `there` ranked samples each of the looks owed gets.
+def _distribution(required: int, available: int, width: int) -> IntArray:
+    """Return (looks, width): which of the `available` ranked samples each of the outstanding looks gets.
 
-    A look with fewer samples than others repeats its last: a minimum does not change by that.
+    A look with fewer samples than others repeats its last, which leaves the minimum unchanged.
     """
-    look = np.arange(min(owed, there))[:, None]
-    most = (there - 1 - look) // owed
-    return np.asarray(look + owed * np.minimum(np.arange(width), most))
+    look = np.arange(min(required, available))[:, None]
+    most = (available - 1 - look) // required
+    return np.asarray(look + required * np.minimum(np.arange(width), most))
 
 
 def _taken(values: Array, row: IntArray, column: IntArray) -> Array:

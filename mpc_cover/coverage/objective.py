@@ -1,4 +1,4 @@
-"""The coverage objective, exactly (thesis 4.34 with the erratum of 4.30)."""
+"""The exact coverage objective (thesis 4.34 with the erratum of 4.30)."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def coverage_cost(
     """Return J = sum_j sum_k gamma_jk pos(min_(i,n) (||q_i(n) - p_k|| - rho_j^(i))) [m]  (4.34).
 
     `position` is (N+1, m, d) [m]; `cell` (K, d) [m]; `radius` (m, J) [m], -inf where an agent cannot
-    measure a magnitude; `weight` (J, K) is gamma. A pair that is owed r `looks` (J, K) costs the sum of its r
-    smallest values, each through pos. What lies within a rounding error of a sensing disc counts as inside it,
-    as in `model.sensing.measured`: J is 0 exactly when nothing is owed.
+    measure a magnitude; `weight` (J, K) is gamma. A pair with r outstanding `looks` (J, K) costs the sum of its r
+    smallest values, each through pos. A cell within a rounding error of a sensing disc counts as inside,
+    as in `model.sensing.measured`: J is 0 exactly when nothing is left uncovered.
     """
     nearest = nearest_samples(position, cell, radius, weight, 1, looks)
     excess = nearest.excess[:, 0]

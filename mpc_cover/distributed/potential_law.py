@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.local_tree import kept_by_both, kept_by_either, local_choices, spare_choices
+from mpc_cover.constraints.local_tree import kept_by_both, kept_by_either, local_choices, redundant_choices
 from mpc_cover.distributed.double_integrator_filter import LESS, filter_forces, limited, stopping_balls, track
 from mpc_cover.distributed.potential_functions import (
     Coordination,
@@ -51,7 +51,7 @@ class LawParameters:
     coordination_gain : of the gradients of (6.1) and (6.5) [m^2/s].
     random : largest length of the random signal r of (5.17), as a part of u_max.
     edges : which local edges an agent keeps.
-    spare : whether edges are kept, too, that connect the others without any one agent (`local_tree.spare_choices`).
+    spare : whether edges are kept, too, that connect the others without any one agent (`local_tree.redundant_choices`).
     """
 
     shape: CoverageShape = field(default_factory=CoverageShape)
@@ -135,7 +135,7 @@ class PotentialLaw:
         """Return (m, m): the edges that each agent (row) keeps from (m, d) positions [m] and velocities [m/s]."""
         centre, radius = self._balls(position, velocity)
         weight, reach = enclosing_diameters(centre, radius), self._coordination.range_m
-        choice = spare_choices(weight, reach) if self._parameters.spare else local_choices(weight, reach)
+        choice = redundant_choices(weight, reach) if self._parameters.spare else local_choices(weight, reach)
         match self._parameters.edges:
             case EdgeRule.BOTH:
                 return kept_by_both(choice)

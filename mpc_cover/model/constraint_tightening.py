@@ -1,4 +1,4 @@
-"""The fleet as the controller may plan for it: tightened by the tube, without the lost, as fast as it really is."""
+"""Constraint tightening for tube MPC, and the fleet without lost agents and with reduced speed limits."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 
 def tightened(mission: Mission) -> Fleet:
-    """Return the fleet with every bound tightened by what disturbed agents may stray from their plans.
+    """Return the fleet with every bound tightened by the tube, so that nominal plans are robustly feasible.
 
-    References that keep the tightened bounds keep the true motion within the mission's (tube MPC: Mayne, Seron
-    and Rakovic, 2005): two agents stray towards each other by two tube radii at most. Sensing radii are cut, too,
-    so that what a plan covers is covered by whoever strays from it, as far as noisy positions can tell.
+    References within the tightened bounds keep the true motion within the mission's (tube MPC: Mayne, Seron
+    and Rakovic, 2005): two agents deviate towards each other by two tube radii at most. Sensing radii are reduced by
+    the tube radius, too, so that the disturbed motion covers what the plan covers as measured with noisy positions.
 
     Raises
     ------
     InvalidInputError
-        The disturbances leave no room: the tightened bounds contradict themselves, or the start violates them.
+        The disturbances are too strong: the tightened bounds contradict each other, or the start violates them.
     """
     fleet, tube = mission.fleet, tube_of(mission)
     radius = tube.position_m
@@ -53,14 +53,14 @@ def tightened(mission: Mission) -> Fleet:
 
 def _contradictions(fleet: Fleet, radius: float) -> list[Problem]:
     problems = []
-    why = f"leaves no room: with it agents stray up to {radius:.3g} m from their plans"
+    why = f"leaves no room: with it agents deviate up to {radius:.3g} m from their plans"
     if fleet.input_max.min() <= 0.0 or fleet.speed_max.min() <= 0.0:
         problems.append(Problem("disturbance", "too strong", f"{why}, and input or speed is used up"))
     if fleet.radius[np.isfinite(fleet.radius)].min() <= 0.0:
         problems.append(Problem("disturbance", "too strong", f"{why}, and nothing is left of a sensing radius"))
-    apart = np.linalg.norm(fleet.start[:, None] - fleet.start[None], axis=2)[np.triu_indices(fleet.size, 1)]
-    if apart.size and apart.min() < fleet.separation_min:
-        right = f"{why}; starts must be {fleet.separation_min:.3g} m apart, the nearest are {apart.min():.3g} m"
+    distance = np.linalg.norm(fleet.start[:, None] - fleet.start[None], axis=2)[np.triu_indices(fleet.size, 1)]
+    if distance.size and distance.min() < fleet.separation_min:
+        right = f"{why}; starts must be {fleet.separation_min:.3g} m apart, the nearest are {distance.min():.3g} m"
         problems.append(Problem("fleet.agents", "starts", right))
     if fleet.communication_range <= fleet.separation_min:
         problems.append(Problem("fleet.communication_range_m", fleet.communication_range, why))
@@ -71,12 +71,12 @@ def _contradictions(fleet: Fleet, radius: float) -> list[Problem]:
 
 
 def without_lost(fleet: Fleet, lost: BoolArray) -> FleetConstraints:
-    """Return the fleet in which the agents of the (m,) mask are obstacles: they measure, move and relay nothing."""
+    """Return the fleet in which agents of the (m,) mask are static obstacles that neither measure nor relay."""
     radius = np.where(lost[:, None], -np.inf, fleet.radius)
     links = tuple(link for link in fleet.links if not lost[list(link)].any())
     return FleetConstraints.of(fleet, radius=radius, links=links, lost=tuple(int(i) for i in np.flatnonzero(lost)))
 
 
 def slowed(fleet: FleetConstraints, share: FloatArray) -> FleetConstraints:
-    """Return the fleet with each agent's speed limit times its (m,) share."""
+    """Return the fleet with each speed limit [m/s] multiplied by the agent's (m,) share."""
     return replace(fleet, speed_max=fleet.speed_max * share)

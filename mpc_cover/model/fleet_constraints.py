@@ -1,4 +1,4 @@
-"""What plans of a fleet are held to: its specification, tightened, relaxed, and without those who are lost."""
+"""Constraints of a fleet's plans: the specification, tightened, relaxed where unattainable, without lost agents."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class FleetConstraints(Fleet):
-    """The bounds of m agents, some of whom may take no part.
+    """The bounds of m agents, some of which may be lost.
 
-    What follows from the fields is worked out once, and its arrays are read-only.
+    Derived quantities are computed once, and their arrays are read-only.
 
     Attributes
     ----------
-    lost : agents that take no part any more: they stand still, and the others keep clear of them.
-    pair_separation : {(i, j): what is asked of a pair [m], i < j} where that is not rho_B: two who are too near already
-        cannot help it, but everyone else can.
-    reaction_periods : periods that pass until the others know that someone has stopped; plans leave room for that. 0
-        when nobody is expected to.
+    lost : indices of lost agents: static obstacles that the others keep clear of.
+    pair_separation : {(i, j): required distance [m], i < j} of pairs that cannot keep rho_B because they are nearer
+        already; all other pairs keep rho_B.
+    reaction_periods : periods until the others react to an agent that stops without warning, for which plans leave
+        room (passive safety); 0 to leave none.
     """
 
     lost: tuple[int, ...] = ()
@@ -39,7 +39,7 @@ class FleetConstraints(Fleet):
 
     @classmethod
     def of(cls, fleet: Fleet, **changes: Any) -> FleetConstraints:
-        """Return the constraints that a specification states, with some fields changed."""
+        """Return the constraints of a specification, with some fields changed."""
         if isinstance(fleet, FleetConstraints) and not changes:
             return fleet
         known = fields(cls) if isinstance(fleet, FleetConstraints) else fields(Fleet)
@@ -47,17 +47,17 @@ class FleetConstraints(Fleet):
 
     @cached_property
     def separations(self) -> FloatArray:
-        """(pairs,) the least distance [m] of each pair i < j, row by row; nothing is asked of two who are lost."""
+        """(pairs,) required distance [m] of each pair i < j, row by row; 0 for two lost agents."""
         every, lost, own = combinations(range(self.size), 2), set(self.lost), self.pair_separation
         asked = [0.0 if lost.issuperset(pair) else own.get(pair, self.separation_min) for pair in every]
         return read_only(np.array(asked))
 
     @cached_property
     def active(self) -> tuple[int, ...]:
-        """The agents that take part."""
+        """Indices of the agents that are not lost."""
         return tuple(i for i in range(self.size) if i not in self.lost)
 
     @cached_property
     def is_active(self) -> BoolArray:
-        """(m,) whether an agent takes part."""
+        """(m,) whether an agent is not lost."""
         return read_only(np.array([i not in self.lost for i in range(self.size)]))

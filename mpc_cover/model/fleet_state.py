@@ -1,4 +1,4 @@
-"""The state of the fleet at an instant: who takes part, where, how fast it can be, and what is in the way."""
+"""The fleet's predicted state at an instant: positions, velocities, lost agents, speed limits, moving obstacles."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class FleetState:
-    """What a control law decides from, and what the safety filter judges by.
+    """Input of the control law and of the safety filter.
 
     Attributes
     ----------
-    position, velocity : (m, d) [m], [m/s] predicted at `time`; of agents that are lost, where they come to rest.
+    position, velocity : (m, d) [m], [m/s] predicted at `time`; of lost agents, the state in which they come to rest.
     time : mission time [s].
-    lost : (m,) who takes part no more: an obstacle for the others.
-    speed_share : (m,) the part of its speed limit that each agent reaches, as far as it has shown.
-    obstacles : how the lost who still move come to rest, by number, in mission time.
-    settled : whether everyone has reported to be at rest, with nothing left to fly: there is time to plan thoroughly.
+    lost : (m,) mask of lost agents, which are obstacles for the others.
+    speed_share : (m,) part of its speed limit that each agent has been observed to reach.
+    obstacles : trajectories, in mission time, of lost agents that still move, by agent index.
+    settled : whether all agents have reported to be at rest with no plan left to fly: there is time for a long search.
     """
 
     position: FloatArray
@@ -39,18 +39,18 @@ class FleetState:
 
     @classmethod
     def nominal(cls, position: FloatArray, velocity: FloatArray, time: float, *, settled: bool = False) -> FleetState:
-        """Return the state of a fleet in which everyone takes part, at full speed."""
+        """Return the state of a fleet without lost or slow agents."""
         agents = position.shape[0]
         return cls(position, velocity, time, np.zeros(agents, dtype=bool), np.ones(agents), settled=settled)
 
     @property
     def actual(self) -> tuple[FloatArray, FloatArray]:
-        """Position and velocity (m, d) at `time`, with the lost where they still are."""
+        """Position and velocity (m, d) [m], [m/s] at `time`, with lost agents where they are at that time."""
         position, velocity = self.position.copy(), self.velocity.copy()
-        for index, course in self.obstacles.items():
-            position[index], velocity[index] = course.at(self.time)
+        for index, trajectory in self.obstacles.items():
+            position[index], velocity[index] = trajectory.at(self.time)
         return position, velocity
 
     def trajectory(self, later: FloatArray, period: float) -> Trajectory:
-        """Return the motion from here with velocities `later` (N, m, d) [m/s] at samples 1 to N."""
+        """Return the motion from this state with velocities `later` (N, m, d) [m/s] at samples 1 to N."""
         return Trajectory.from_velocities(self.position, self.velocity, later, self.time, period)

@@ -10,7 +10,10 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
 
 TIE = 1e-9
-"""A cell at distance exactly rho is measured, whatever the last bit says [m]."""
+"""A cell no farther than this beyond rho is measured [m]: rounding does not decide about cells at distance rho. Plain
+choice, far below any cell."""
+_PERIOD_ROUNDING = 1e-6
+"""Looks closer than a period by less than this part of it count as a period apart; a plain choice."""
 
 
 def measured(position: FloatArray, cell: FloatArray, radius: FloatArray) -> BoolArray:
@@ -23,7 +26,7 @@ def measured(position: FloatArray, cell: FloatArray, radius: FloatArray) -> Bool
 
 
 def look_counts(position: FloatArray, cell: FloatArray, radius: FloatArray) -> IntArray:
-    """Return (J, K): how many looks the samples of a motion (N+1, m, d) [m] have at each cell, all agents together.
+    """Return (J, K): how many samples of a motion (N+1, m, d) [m] measure each cell, summed over the agents.
 
     `cell` is (K, d) [m]; `radius` (m, J) [m], -inf where an agent cannot measure a magnitude.
     """
@@ -45,8 +48,8 @@ def covered_at(
 ) -> FloatArray:
     """Return (K,) [s]: the first of the (T,) sample times by which every magnitude was measured; inf where never.
 
-    `position` is (T, m, d) [m]. With several `looks`, an agent's next look at a cell counts a `period` [s]
-    after its last.
+    `position` is (T, m, d) [m]. If several `looks` are required, the same agent's looks at a cell count only if they
+    are at least a `period` [s] apart.
     """
     if looks > 1:
         return _looked_at(time, position, cell, radius, looks, period)
@@ -65,7 +68,7 @@ def _looked_at(
     first = np.full(count.shape, np.inf)
     for t, now in zip(time, position, strict=True):
         distance = np.linalg.norm(now[:, None, :] - cell[None], axis=2)
-        seen = (distance[:, None, :] <= radius[:, :, None] + TIE) & (t - last >= period * (1.0 - 1e-6))
+        seen = (distance[:, None, :] <= radius[:, :, None] + TIE) & (t - last >= period * (1.0 - _PERIOD_ROUNDING))
         last[seen] = t
         count += seen.sum(axis=0)
         first = np.where((count >= looks) & np.isinf(first), t, first)

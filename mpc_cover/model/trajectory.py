@@ -1,7 +1,7 @@
-"""The sampled motion under a zero-order hold: one class for plans, guesses, obstacles and records alike.
+"""Sampled motion under a zero-order hold: one class for plans, initial guesses, moving obstacles and recordings.
 
-The wire message (`service.protocol.messages.PlanMessage`) and the verifier's path (`verification.path.Path`) stay
-apart on purpose: bytes from outside and the judge of what is inside share no code with what they look at.
+The wire message (`service.protocol.messages.PlanMessage`) and the verifier's path (`verification.path.Path`) are
+separate classes on purpose: the parser of untrusted bytes and the independent verifier share no code with this one.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
 
 SNAP_S = 1e-8
-"""Instants nearer than this are the same: a long-running monotonic clock has no more digits [s]."""
+"""Instants closer than this are the same [s]: a monotonic clock that has run for years resolves no more."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A motion of double integrators (3.1), exact between its samples; at rest in its last state after its end.
+    """A motion of double integrators (3.1), exact between its samples; after its end it rests in its last position.
 
-    Of a fleet (N+1, m, d), or of one agent (N+1, d): what is said of ``...`` below is m, or nothing.
+    Of a fleet, (N+1, m, d), or of one agent, (N+1, d): ``...`` below stands for m or for nothing.
 
     Attributes
     ----------
-    time : (N+1,) [s], strictly increasing, of whatever clock; N >= 0.
+    time : (N+1,) [s], strictly increasing, on any clock; N >= 0.
     position, velocity : (N+1, ..., d) [m], [m/s].
     input : (N, ..., d) [m/s^2], held constant from each sample to the next.
     period : T_s [s] where samples are evenly spaced; NaN where they are not.
@@ -44,7 +44,7 @@ class Trajectory:
     def even(
         cls, start_time: float, period: float, position: FloatArray, velocity: FloatArray, force: FloatArray
     ) -> Trajectory:
-        """Return the motion with samples every `period` [s] from `start_time` [s] on; arrays as above."""
+        """Return a motion sampled uniformly every `period` [s] from `start_time` [s]; arrays as above."""
         time = start_time + period * np.arange(velocity.shape[0], dtype=float)
         return Trajectory(time, position, velocity, force, period)
 
@@ -80,7 +80,7 @@ class Trajectory:
         return float(self.time[-1])
 
     def index(self, time_s: float | FloatArray, snap_s: float = SNAP_S) -> Any:
-        """Return the step that is flown at and right after given times: -1 before the start, N after the end."""
+        """Return the step in progress at and right after given times [s]: -1 before the start, N after the end."""
         return np.searchsorted(self.time, np.asarray(time_s) + snap_s, side="right") - 1
 
     def at(self, time_s: float | FloatArray, snap_s: float = SNAP_S) -> tuple[FloatArray, FloatArray]:
@@ -111,18 +111,18 @@ class Trajectory:
         )
 
     def shift(self, seconds: float) -> Trajectory:
-        """Return the same motion so much later, or by a clock that is so much ahead."""
+        """Return the same motion delayed by so many seconds, or on a clock that is ahead by as many."""
         return replace(self.plain(), time=self.time + seconds)
 
     def plain(self) -> Trajectory:
-        """Return the motion alone, without what a recording knows beside it."""
+        """Return the motion without the additional fields of a recording."""
         return Trajectory(self.time, self.position, self.velocity, self.input, self.period)
 
     def remainder(self, time_s: float, position: FloatArray, velocity: FloatArray) -> Trajectory:
-        """Return what is left from a sample's time on, from the (..., d) state there, as long as before, to rest.
+        """Return the shifted plan of receding-horizon control, from a sample's time [s] and the (..., d) state there.
 
-        The shifted plan of receding-horizon control: velocities are those planned, and a start that differs a little
-        moves the rest of the path in parallel.
+        It keeps the planned velocities, has as many steps as before, padded at rest, and ends at rest. A `position` [m]
+        that differs from the planned one translates the rest of the path.
         """
         done = round((time_s - self.start_time) / self.period)
         left = self.velocity[min(max(done, 0), self.steps) :]

@@ -1,1 +1,1 @@
-"""The subproblem, the guesses, the planner and the plan."""
+"""Trajectory optimisation: the OCP, its convex subproblem, initial guesses, the SCP solver, and searches over them."""

@@ -1,8 +1,8 @@
-"""Out of local minima: shake the best motion, refine it again, keep what is better (basin hopping).
+"""Basin hopping: perturb the best motion, optimise it again, and keep the better one.
 
-Which samples measure which cells is a combinatorial choice that no descent leaves by itself: from one guess
-nearly every schedule of the continuation ends somewhere else. Monte Carlo over the minima themselves (Wales &
-Doye, J. Phys. Chem. A 101, 1997) finds better ones at the price of a few descents.
+Which samples measure which cells is a combinatorial choice that no descent changes by itself: from one guess nearly
+every continuation schedule ends in another local minimum. Monte Carlo over the minima themselves (Wales & Doye,
+J. Phys. Chem. A 101, 1997) finds better ones at the price of a few descents.
 """
 
 from __future__ import annotations
@@ -12,8 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.coverage.nearest import still_owed
-from mpc_cover.planning.scp import MARGIN, evaluate, is_better, length_scale, optimise, optimise_without_margin
+from mpc_cover.coverage.nearest import remaining_weight
+from mpc_cover.planning.scp import (
+    MARGIN,
+    REFINEMENT_REGION,
+    evaluate,
+    is_better,
+    length_scale,
+    optimise,
+    optimise_without_margin,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -25,18 +33,24 @@ if TYPE_CHECKING:
     from solvers.backends.base import Backend
 
 _AMPLITUDES = (0.15, 0.3, 0.6, 1.0, 2.0)
-"""How far a shake moves a motion, in sensing radii: small ones repair, large ones rearrange."""
+"""Amplitudes of perturbations, in sensing radii: small ones repair, large ones rearrange. Plain choices."""
 _MODES = 4
-"""A shake is a sum of so many sines over the window: smooth enough to be nearly flyable."""
+"""Sine modes of a perturbation over the horizon: smooth enough to be nearly feasible. Plain choice."""
+_START_SHARE = 0.5
+"""Amplitude of the perturbation of a free start, relative to that of the motion; a plain choice."""
 _MARGINS = (MARGIN, 0.5 * MARGIN)
-_AFRESH = 3
-"""Every so many hops one begins from a guess."""
-_KICKS, _KICK, _KICKED = 4, 4.0, (10.0, 30.0, 100.0)
-"""What is uncovered weighs so much more, so many times, and the stages that follow."""
-_WORTH_SETTLING = 0.01
-"""Less than this many sensing radii of cost may be no more than the sensing margins' doing."""
-_WORTH_KICKING = 1.0
-"""More than this many sensing radii of cost is no matter of a few cells."""
+"""Sensing margins times beta of hops, drawn at random; plain choices."""
+_GUESS_EVERY = 3
+"""Every so many hops one starts from an initial guess; a plain choice."""
+WEIGHT_FACTOR = 4.0
+"""Factor by which the weights of uncovered cells increase from one round of reweighting to the next; a plain choice."""
+_REWEIGHTS, _REWEIGHT_ITERATIONS, _REWEIGHT_SHARPNESS = 4, 5, (10.0, 30.0, 100.0)
+"""Rounds of reweighting, and QPs per stage and stages of each; plain choices."""
+_FINAL_STAGE_COST = 0.01
+"""Cost in sensing radii below which the sensing margin alone may cause it: the stage without margin follows. Plain
+choice."""
+_REWEIGHT_COST = 1.0
+"""Cost in sensing radii above which more than a few cells are uncovered, and reweighting is skipped; a plain choice."""
 
 
 def basin_hopping(
@@ -49,70 +63,72 @@ def basin_hopping(
     seed: int = 0,
     budget: Budget,
     exact_cones: bool = False,
-    told: Callable[[SCPResult], None] | None = None,
+    on_progress: Callable[[SCPResult], None] | None = None,
 ) -> SCPResult:
-    """Return the best of `best` and what its shaken relatives are refined to; anytime.
+    """Return the best of `best` and the minima found from its perturbations; anytime.
 
-    Every third relative is one of the `guesses` instead, in turn: the basin itself may be a bad one. `rounds` bounds
-    the hops, None for as many as the budget allows; `seed` is that
-    of the shakes; `told` hears of each better motion.
+    Every third hop perturbs one of the decision vectors `guesses`, in turn, as the basin itself may be a poor one.
+    `rounds` bounds the hops, None for as many as the budget allows; `seed` is that of the perturbations;
+    `on_progress` is called with each better result.
     """
     rng = np.random.default_rng(seed)
     scale, stages, done = length_scale(ocp), best.stages, 0
     while not best.complete and not budget.exhausted and (rounds is None or done < rounds):
         done += 1
         base = best.x
-        if guesses and done % _AFRESH == 0:
-            base = guesses[(done // _AFRESH - 1) % len(guesses)]
+        if guesses and done % _GUESS_EVERY == 0:
+            base = guesses[(done // _GUESS_EVERY - 1) % len(guesses)]
         x = perturbed(ocp, base, float(rng.choice(_AMPLITUDES)) * scale, rng)
         margin = float(rng.choice(_MARGINS))
-        found = optimise(ocp, x, backend, region=0.5, margin=margin, budget=budget, exact_cones=exact_cones)
+        found = optimise(
+            ocp, x, backend, region=REFINEMENT_REGION, margin=margin, budget=budget, exact_cones=exact_cones
+        )
         stages += found.stages
         if is_better(found, best):
             best = reweighted(ocp, replace(found, stages=()), backend, budget=budget, exact_cones=exact_cones)
             stages += best.stages
-            if told is not None:
-                told(best)
+            if on_progress is not None:
+                on_progress(best)
     return replace(best, stages=stages)
 
 
 def reweighted(ocp: OCP, best: SCPResult, backend: Backend, *, budget: Budget, exact_cones: bool = False) -> SCPResult:
-    """Return the best of a motion and what it becomes when the few cells that it leaves weigh more and more."""
+    """Return the best of a motion and its refinements with increasing weights of the few cells that it leaves."""
     stages, weight, scale = best.stages, ocp.weight, length_scale(ocp)
-    for _ in range(_KICKS):
-        if best.complete or best.cost > _WORTH_KICKING * scale or not best.feasible:
+    for _ in range(_REWEIGHTS):
+        if best.complete or best.cost > _REWEIGHT_COST * scale or not best.feasible:
             break
-        if best.cost < _WORTH_SETTLING * scale:
-            tight = optimise_without_margin(
+        if best.cost < _FINAL_STAGE_COST * scale:
+            final = optimise_without_margin(
                 ocp, replace(best, stages=()), backend, budget=budget, exact_cones=exact_cones
             )
-            stages += tight.stages
-            best = tight
+            stages += final.stages
+            best = final
             if best.complete:
                 break
         position, _velocity = ocp.motion(best.x)
-        left = still_owed(position, ocp.cell, ocp.fleet.radius, ocp.weight) > 0.0
-        weight = np.where(left, _KICK * weight, weight)
-        pushed = optimise(
+        left = remaining_weight(position, ocp.cell, ocp.fleet.radius, ocp.weight) > 0.0
+        weight = np.where(left, WEIGHT_FACTOR * weight, weight)
+        heavier = optimise(
             replace(ocp, weight=weight),
             best.x,
             backend,
-            sharpness=_KICKED,
-            iterations=5,
-            region=0.5,
+            sharpness=_REWEIGHT_SHARPNESS,
+            iterations=_REWEIGHT_ITERATIONS,
+            region=REFINEMENT_REGION,
             budget=budget,
             exact_cones=exact_cones,
         )
-        stages += pushed.stages
-        last = evaluate(ocp, pushed.stages[-1].x if pushed.stages else best.x)
+        stages += heavier.stages
+        last = evaluate(ocp, heavier.stages[-1].x if heavier.stages else best.x)
         best = last if is_better(last, best) else best
     return replace(best, stages=stages)
 
 
 def perturbed(ocp: OCP, x: FloatArray, amplitude: float, rng: np.random.Generator) -> FloatArray:
-    """Return a decision vector with every path moved by smooth random amounts of about `amplitude` [m].
+    """Return a decision vector with every path displaced by smooth random amounts of about `amplitude` [m].
 
-    The ends that are given stay as they are; limits and distances are left to whoever refines it.
+    Boundary conditions still hold; limits and distances may be violated.
     """
     position, velocity = ocp.motion(x)
     phase = np.linspace(0.0, np.pi, ocp.steps + 1)
@@ -121,5 +137,7 @@ def perturbed(ocp: OCP, x: FloatArray, amplitude: float, rng: np.random.Generato
     size = rng.normal(scale=amplitude, size=(_MODES, *position.shape[1:]))
     moved = np.einsum("nk,kmd->nmd", sines, size)
     faster = velocity + np.gradient(moved, ocp.period, axis=0)
-    start = position[0] if ocp.first else position[0] + rng.normal(scale=0.5 * amplitude, size=position[0].shape)
+    start = (
+        position[0] if ocp.first else position[0] + rng.normal(scale=_START_SHARE * amplitude, size=position[0].shape)
+    )
     return ocp.exact_ends(ocp.decision(start, faster))

@@ -1,7 +1,7 @@
-"""What a decision may take: seconds of the wall clock, or the same seconds of counted work.
+"""Time budgets: seconds of the wall clock, or the equivalent seconds of counted work.
 
-Daemons plan by the wall clock. Simulations count work instead, in the seconds that it takes on the machine it was
-measured on, so that they are the same every time; whoever plans cannot tell the difference, and decides alike.
+Daemons plan by the wall clock. Simulations count work instead, in the seconds that it takes on the machine on which it
+was measured, so that they are deterministic. The planner's code is the same for both.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from solvers.backends.base import Backend
 
 
-FLIGHT_S = 1.5e-4
-"""Seconds that flying a guess takes, a sample: waypoints tracked, its cost and bounds evaluated (box-3, one core)."""
+GUESS_SAMPLE_S = 1.5e-4
+"""Seconds that an initial guess takes per sample: waypoint tracking, evaluation of cost and bounds. Measured on box-3,
+one core."""
 
 
 class _Clock(Protocol):
@@ -31,17 +32,17 @@ class _Clock(Protocol):
 
 
 class _WallClock:
-    """Time passes by itself."""
+    """The wall clock."""
 
     counts = False
     now = staticmethod(time.perf_counter)
 
     def charge(self, work_s: float) -> None:
-        """Do nothing."""
+        """Do nothing: the clock runs by itself."""
 
 
 class _WorkCounter:
-    """Time passes by work."""
+    """A clock that advances by the work charged to it."""
 
     counts = True
 
@@ -56,34 +57,34 @@ class _WorkCounter:
 
 
 class Budget:
-    """A deadline on a clock that may count work instead of time; parts of a budget share its clock."""
+    """A deadline on a clock, which may count work instead of time; parts of a budget share its clock."""
 
     def __init__(self, clock: _Clock, deadline: float) -> None:
         self._clock, self._deadline = clock, deadline
 
     @classmethod
     def wall_clock(cls, seconds: float) -> Budget:
-        """Return a budget of time from now on [s]."""
+        """Return a budget of wall-clock time from now on [s]."""
         return cls.until(time.perf_counter() + seconds)
 
     @classmethod
     def until(cls, deadline: float) -> Budget:
-        """Return a budget of time up to an instant of `time.perf_counter` [s]."""
+        """Return a budget of wall-clock time up to an instant of `time.perf_counter` [s]."""
         return cls(_WallClock(), deadline)
 
     @classmethod
     def counted(cls, seconds: float) -> Budget:
-        """Return a budget of counted work [s]: what is done with it is the same every time."""
+        """Return a budget of counted work [s]: what is done within it is deterministic."""
         return cls(_WorkCounter(), seconds)
 
     @classmethod
     def unlimited(cls) -> Budget:
-        """Return a budget that is never exhausted: other bounds end the work."""
+        """Return a budget that is never exhausted; the effort must be bounded otherwise."""
         return cls(_WallClock(), math.inf)
 
     @property
     def left_s(self) -> float:
-        """What is left [s]; negative when more was spent than there was."""
+        """Time left [s]; negative once the deadline is exceeded."""
         return self._deadline - self._clock.now()
 
     @property
@@ -93,27 +94,27 @@ class Budget:
 
     @property
     def clock(self) -> Callable[[], float]:
-        """The clock that `deadline` is on [s]."""
+        """The clock of `deadline` [s]."""
         return self._clock.now
 
     @property
     def deadline(self) -> float | None:
-        """When it is exhausted, on `clock` [s]; None for never."""
+        """The deadline on `clock` [s]; None for none."""
         return None if math.isinf(self._deadline) else self._deadline
 
     def part(self, share: float) -> Budget:
-        """Return a budget of a share of what is left."""
+        """Return a budget of a share of the time left."""
         left = self.left_s
         return self if math.isinf(left) else Budget(self._clock, self._clock.now() + share * max(left, 0.0))
 
     def extended(self, seconds: float) -> Budget:
-        """Return the budget with so much more [s]."""
+        """Return a budget whose deadline is later by so many seconds."""
         return Budget(self._clock, self._deadline + seconds)
 
     def charge(self, work_s: float) -> None:
-        """Count work done outside of a back-end, in the seconds that it takes; time passes by itself."""
+        """Charge work done outside a back-end, in the seconds that it takes; without effect on the wall clock."""
         self._clock.charge(work_s)
 
     def metered(self, backend: Backend) -> Backend:
-        """Return the back-end, whose QPs are charged to this budget where work is counted."""
+        """Return the back-end; where work is counted, its QPs are charged to this budget."""
         return metered(backend, self._clock.charge) if self._clock.counts else backend

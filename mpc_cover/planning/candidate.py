@@ -1,4 +1,4 @@
-"""Candidates: plans with what they are worth, and in which order they are preferred."""
+"""Candidate plans, their evaluation, and the order in which they are preferred."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A plan with what it is worth.
+    """A plan and its evaluation.
 
     Attributes
     ----------
     plan : the motion.
     cost : its J (4.34) [m].
-    feasible : whether it keeps all requirements.
-    origin : the guess that it grew from.
-    refined : how it was refined, None for a guess as it flies.
-    braking_violation : by how much someone comes too near to one who stops without warning [m].
+    feasible : whether it satisfies all requirements.
+    origin : of its initial guess.
+    refined : the SCP result behind it.
+    braking_violation : largest violation of passive safety [m].
     """
 
     plan: Trajectory
@@ -41,58 +41,58 @@ class Candidate:
 
     @property
     def kind(self) -> GuessKind:
-        """The kind of guess that it grew from."""
+        """The kind of its initial guess."""
         return self.origin.kind
 
     @property
     def idle(self) -> bool:
-        """Whether it stays, though something is owed."""
+        """Whether it rests although demand is outstanding."""
         return self.kind is GuessKind.REST and self.cost > 0.0
 
     @property
-    def exposed(self) -> bool:
-        """Whether someone has no room to stop for one who stops without warning."""
+    def violates_passive_safety(self) -> bool:
+        """Whether it violates passive safety by more than the tolerance."""
         return self.braking_violation > BRAKING_TOLERANCE
 
     @property
     def covers(self) -> bool:
-        """Whether everything is covered, feasibly."""
+        """Whether it is feasible and covers the whole demand."""
         return self.feasible and self.cost == 0.0
 
     @property
     def complete(self) -> bool:
-        """Whether everything is covered, feasibly, and with room to stop."""
-        return self.covers and not self.exposed
+        """Whether it is feasible, covers the whole demand, and is passively safe."""
+        return self.covers and not self.violates_passive_safety
 
     @property
     def rank(self) -> tuple[bool, bool, bool, int, float]:
-        """Feasible before covering all before room to stop before short; what leaves something, by what it leaves."""
-        last = (self.exposed, self.plan.steps) if self.covers else (False, 0)
+        """Sort key: feasibility, full coverage, passive safety, length; without full coverage feasibility and merit."""
+        last = (self.violates_passive_safety, self.plan.steps) if self.covers else (False, 0)
         return not self.feasible, self.cost > 0.0, *last, merit(self.cost, self.braking_violation)
 
 
 def candidate_of(task: Task, steps: int, refined: SCPResult, origin: Origin) -> Candidate:
-    """Return the candidate of a refined decision vector."""
+    """Return the candidate of an SCP result of so many `steps`."""
     position, velocity = task.ocp(steps).motion(refined.x)
     plan = Trajectory.even(task.start_time, task.period, position, velocity, np.diff(velocity, axis=0) / task.period)
     return Candidate(plan, refined.cost, refined.feasible, origin, refined, refined.braking_violation)
 
 
-def as_flown(task: Task, guess: Guess, steps: int | None = None) -> Candidate:
-    """Return the candidate of a guess as it flies, in so many steps or as many as it takes."""
+def evaluate_guess(task: Task, guess: Guess, steps: int | None = None) -> Candidate:
+    """Return the candidate of an initial guess without refinement, in so many `steps` or as many as it takes."""
     motion = task.flown(guess, steps)
     ocp = task.ocp(motion.steps)
     return candidate_of(task, motion.steps, evaluate(ocp, ocp.decision_of(motion)), guess.origin)
 
 
-def as_moved(task: Task, position: FloatArray, velocity: FloatArray, origin: Origin) -> Candidate:
-    """Return the candidate of velocities (N+1, m, d) [m/s] from a (m, d) `position` [m], as they stand."""
+def evaluate_motion(task: Task, position: FloatArray, velocity: FloatArray, origin: Origin) -> Candidate:
+    """Return the candidate of velocities (N+1, m, d) [m/s] from a (m, d) `position` [m], without refinement."""
     ocp = task.ocp(velocity.shape[0] - 1)
     return candidate_of(task, ocp.steps, evaluate(ocp, ocp.decision(position, velocity)), origin)
 
 
-def promise(candidate: Candidate, repair: float) -> float:
-    """Order guesses as they fly: what they take [s], longer by `repair` for each metre of violation, and leave."""
+def guess_priority(candidate: Candidate, violation_cost: float) -> float:
+    """Return a sort key of guesses: length [s], increased by `violation_cost` [1/m] times the violation, plus J [m]."""
     plan = candidate.plan
     violation = candidate.refined.violation if candidate.refined is not None else 0.0
-    return plan.steps * plan.period * (1.0 + repair * violation) + candidate.cost
+    return plan.steps * plan.period * (1.0 + violation_cost * violation) + candidate.cost

@@ -1,6 +1,6 @@
 """The optimal coverage NLP (4.22, 4.34) in a form that `solvers.sqp` can convexify.
 
-The decision vector of the SQP holds the positions at sample 0 and all velocities. They fix the inputs and the
+The decision vector of the SQP holds the positions at sample 0 and all velocities. They determine the inputs and the
 other positions exactly, so that every iterate satisfies the dynamics whatever the QP's tolerance.
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class CoverageNLP:
-    """One window with its settings; satisfies `solvers.nlp.Convexifiable` and `LearnsFromSteps`."""
+    """An OCP with its approximation settings; satisfies `solvers.nlp.Convexifiable` and `StepObserver`."""
 
     def __init__(self, ocp: OCP, settings: Settings) -> None:
         self.ocp = ocp
@@ -34,30 +34,30 @@ class CoverageNLP:
         self.requirements = requirements(ocp, settings.margins)
 
     def measure(self, x: FloatArray) -> Measure:
-        """Return J_beta [m] and how much the constraints are violated, between the samples too."""
+        """Return J_beta [m] and the constraint violations, between samples as well."""
         ocp = self.ocp
         position, velocity = ocp.motion(x)
         cost = soft_cost(position, ocp.cell, ocp.fleet.radius, ocp.weight, self.settings.softness, ocp.looks)
         excess = self._excess(position, velocity)
-        exposed = braking_violations(position, velocity, ocp.period, ocp.fleet)
-        penalty = float(sum(part.sum() for part in (*excess, exposed)))
-        return Measure(objective=cost, violation=_worst(excess), penalty=penalty)
+        braking = braking_violations(position, velocity, ocp.period, ocp.fleet)
+        penalty = float(sum(part.sum() for part in (*excess, braking)))
+        return Measure(objective=cost, violation=_largest(excess), penalty=penalty)
 
     def violation(self, x: FloatArray) -> float:
-        """Return the worst violation alone, without the cost."""
-        return _worst(self._excess(*self.ocp.motion(x)))
+        """Return the largest violation, without evaluating the cost."""
+        return _largest(self._excess(*self.ocp.motion(x)))
 
     def convexify(self, x: FloatArray, radius: float) -> ConvexModel:
         """Return the QP around a decision vector; positions move by at most `radius` [m] along each axis."""
         return build_subproblem(self.ocp, self.settings, self.requirements, x, radius)
 
     def accepted(self, x_old: FloatArray, x_new: FloatArray, multipliers: FloatArray) -> None:  # noqa: ARG002
-        """Tell whoever looks on of a step."""
+        """Pass an accepted iterate to the OCP's `on_iterate`."""
         if self.ocp.on_iterate is not None:
             self.ocp.on_iterate(x_new)
 
     def _excess(self, position: FloatArray, velocity: FloatArray) -> list[FloatArray]:
-        """Return by how much each constraint is exceeded [m, m/s, m/s^2], 0 where it holds."""
+        """Return the violation of each constraint [m, m/s, m/s^2], 0 where it holds."""
         ocp, fleet = self.ocp, self.ocp.fleet
         limits = 1.0 - self.settings.margins.limits
         force = np.diff(velocity, axis=0) / ocp.period
@@ -79,5 +79,5 @@ class CoverageNLP:
         return [np.maximum(part, 0.0) for part in over]
 
 
-def _worst(excess: list[FloatArray]) -> float:
+def _largest(excess: list[FloatArray]) -> float:
     return max(float(part.max(initial=0.0)) for part in excess)

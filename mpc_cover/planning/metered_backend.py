@@ -1,4 +1,4 @@
-"""A back-end whose work is counted: what a QP costs is known from its size and iterations, the same every time."""
+"""A QP back-end whose work is counted: the cost of a QP follows deterministically from its size and iterations."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from solvers.solution import QPSolution
 
 _ASSEMBLY_S = 1.0e-6
-"""Seconds that building a QP and judging its answer take, for each entry of its matrix.
+"""Seconds per stored entry of A that assembling a QP and evaluating its solution take.
 
-Measured on box-3's plan on two cores at 2.5 GHz or so; what iterations take is for the back-end to say."""
+Measured on the plan of box-3 on two cores at about 2.5 GHz; the time of iterations is a capability of the back-end."""
 
 
 class _Metered:
-    """Is the back-end that it wraps, but that it counts; limits on time are left to whoever counts."""
+    """A back-end that charges for each solve and delegates everything else to the one that it wraps."""
 
     def __init__(self, inner: Backend, charge: Callable[[float], None]) -> None:
         self._inner, self._charge = inner, charge
@@ -26,8 +26,8 @@ class _Metered:
         return getattr(self._inner, name)
 
     def solve(self, time_limit_s: float | None = None) -> QPSolution:
-        """Solve, see `Backend.solve`, and count what it cost."""
-        del time_limit_s  # a limit by the clock would make the result another one every time
+        """Solve, see `Backend.solve`, and charge what it cost."""
+        del time_limit_s  # a wall-clock limit would make the result irreproducible
         solution = self._inner.solve()
         each_s = _ASSEMBLY_S + self._inner.capabilities.entry_iteration_s * solution.iterations
         self._charge(each_s * self._inner.qp.A.nnz)
@@ -35,5 +35,5 @@ class _Metered:
 
 
 def metered(backend: Backend, charge: Callable[[float], None]) -> Backend:
-    """Return the back-end; what each QP costs [s] is told to `charge`."""
+    """Return the back-end with a `charge` callback for the cost of each QP [s]."""
     return cast("Backend", _Metered(backend, charge))

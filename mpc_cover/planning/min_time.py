@@ -1,4 +1,4 @@
-"""Plans of whatever length covers everything: short ones, and the shortest that is found."""
+"""Free-horizon planning: a short plan that covers the whole demand, and the shortest (minimum-time) one found."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.planning.budget import FLIGHT_S
-from mpc_cover.planning.candidate import Candidate, as_flown, as_moved, promise
+from mpc_cover.planning.budget import GUESS_SAMPLE_S
+from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion, guess_priority
 from mpc_cover.planning.initial_guess.formation import FormationFlight
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
 from mpc_cover.planning.initial_guess.tour import tour_guess
 from mpc_cover.planning.multistart import Search, multistart, systematic_guesses
-from mpc_cover.planning.segment_refinement import refine_segments
+from mpc_cover.planning.segment_refinement import SEGMENT_STEPS, refine_segments
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,49 +23,65 @@ if TYPE_CHECKING:
     from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
 
-_EASY, _HARD = 0.92, 0.76
-"""Refined plans nearly always exist in the first part of the time in which a guess flies, and never in the second."""
+_UPPER_SHARE, _LOWER_SHARE = 0.92, 0.76
+"""Parts of the length of initial guesses: refined plans nearly always exist at the first and never at the second, as
+observed. The bisection over lengths starts from them."""
 _SCREENED = 6
-"""So many guesses must have been compared before only the best kinds go on."""
-_FLYING = 0.3
-"""Part of the time that flying guesses may take."""
-_SUFFICES = 0.1
-"""A guess is a measure of the work if it leaves no more than this part of the cells: in the plane nearly all do."""
-_KEPT = 3
-"""Kinds of guesses that are tried again at other lengths."""
+"""Initial guesses that must have been compared before the search is restricted to the best kinds; a plain choice."""
+_GUESSES_PER_START = 2
+"""Initial guesses that a small search evaluates for each of its starts; a plain choice."""
+_GUESSES_SHARE = 0.3
+"""Part of the budget for evaluating initial guesses; a plain choice."""
+_SUFFICIENT_REST = 0.1
+"""Part of the cells that a guess may leave for its length to count as an estimate of the work; nearly all guesses in
+the plane leave less. Plain choice."""
+_KEPT_NAMES = 3
+"""Initial guesses that are kept for other lengths; a plain choice."""
+_ATTEMPTS = 5
+"""Lengths that a free-horizon search tries; a plain choice."""
+_INCREASE_MIN, _INCREASE_MAX, _INCREASE_STEPS = 0.06, 0.3, 2
+"""Bounds on the relative increase of the length after a failure, whose size is the uncovered part of the cells, and
+the least increase in steps. Plain choices."""
 FAILURES = 3
-"""Lengths in a row that may fail before the search for a shorter plan ends."""
-_FINALISTS = 3
-"""Plans that are flown on to what they leave over, when none covers everything."""
+"""Failed lengths in a row after which the minimum-time search ends; a plain choice."""
+_MORE_STARTS, _FINALISTS, _MORE_FINALISTS = 8, 6, 4
+"""Random starts added after each failed length, finalists, and finalists added, of that search; plain choices."""
+_EXTENDED = 3
+"""Plans that are extended to cells that they leave, where none covers everything; a plain choice."""
 _EXTENSIONS = 3
+"""Extensions of each such plan; a plain choice."""
+_EXTENSION_SEARCH = Search(starts=2, finalists=1)
+"""The search for an extension whose guess is infeasible; a plain choice of the least effort."""
 _LARGE = 500
-"""Samples times agents beyond which one QP for the whole plan takes too long."""
-_REPAIR = 2.0
-"""What a metre of violation adds to the time that a guess promises, as a part of it."""
-_STRETCH, _PASSES, _TRIED = 24, 3, 3
-"""Samples of a stretch, passes over a plan, and guesses that are tried, of large plans."""
+"""Samples times agents above which one QP for the whole plan takes too long, and plans are refined by segments; a plain
+choice."""
+_VIOLATION_COST = 2.0
+"""Relative increase of a guess's length per metre of violation [1/m] where large guesses are ordered; plain choice."""
+_LARGE_PASSES, _LARGE_TRIED, _LARGE_SHARE = 3, 3, 0.8
+"""Passes over a large plan, guesses that are tried, and the part of the budget that they share; plain choices."""
 
 
 def plan_free_horizon(
     task: Task,
     backend: Backend,
     *,
-    attempts: int = 5,
+    attempts: int = _ATTEMPTS,
     search: Search | None = None,
     budget: Budget,
 ) -> Candidate:
-    """Return a short plan that covers everything owed, or the best one found; anytime.
+    """Return a short plan that covers the whole demand, or the best one found; anytime.
 
-    Begins with a length at which the first guess mostly suffices, and bisects between what covers everything
-    and what does not. What is still left over is flown to at the end. `attempts` bounds the lengths tried.
+    Starts from a length that is mostly sufficient and bisects between sufficient and insufficient lengths. Plans that
+    leave cells are extended to them at the end. `attempts` bounds the lengths tried.
     """
     search = search or Search()
-    found = _flights(task, search, budget)
+    found = _evaluated_guesses(task, search, budget)
     work, least = _work(task, found), min(candidate.plan.steps for candidate in found)
-    found.append(as_flown(task, rest_guess(task.position), task.least_steps))
+    found.append(evaluate_guess(task, rest_guess(task.position), task.least_steps))
     if work * task.fleet.size > _LARGE:
-        return _plan_large(task, backend, sorted(found, key=partial(promise, repair=_REPAIR)), budget)
-    steps, too_short = max(task.least_steps, round(_EASY * work)), round(_HARD * least)
+        in_order = sorted(found, key=partial(guess_priority, violation_cost=_VIOLATION_COST))
+        return _plan_large(task, backend, in_order, budget)
+    steps, too_short = max(task.least_steps, round(_UPPER_SHARE * work)), round(_LOWER_SHARE * least)
     shortest = 0
     for _ in range(attempts):
         if budget.exhausted:
@@ -82,27 +98,30 @@ def plan_free_horizon(
         if shortest:
             steps = max(task.least_steps, (too_short + shortest) // 2)
         else:
-            left = float(task.owed_after(best.plan).astype(bool).mean())
-            steps += max(2, round(min(max(left, 0.06), 0.3) * steps))
+            left = float(task.remaining_after(best.plan).astype(bool).mean())
+            increase = min(max(left, _INCREASE_MIN), _INCREASE_MAX)
+            steps += max(_INCREASE_STEPS, round(increase * steps))
         if steps in {too_short, shortest}:
             break
     found.sort(key=lambda candidate: candidate.rank)
-    finished = [_extended(task, candidate, backend, budget) for candidate in found[:_FINALISTS] if candidate.feasible]
+    finished = [_extended(task, candidate, backend, budget) for candidate in found[:_EXTENDED] if candidate.feasible]
     return min([*finished, *found], key=lambda candidate: candidate.rank)
 
 
-def _plan_large(task: Task, backend: Backend, flown: list[Candidate], budget: Budget) -> Candidate:
-    """Repair and improve the best guesses stretch by stretch, then fly on to what is left over."""
-    resting = next(candidate for candidate in flown if candidate.kind is GuessKind.REST)
+def _plan_large(task: Task, backend: Backend, evaluated: list[Candidate], budget: Budget) -> Candidate:
+    """Refine the best guesses segment by segment, then extend them to the cells that they leave."""
+    resting = next(candidate for candidate in evaluated if candidate.kind is GuessKind.REST)
     found = [resting]
-    guesses = [candidate for candidate in flown if candidate is not resting]
-    for number, guess in enumerate(guesses[:_TRIED]):
+    guesses = [candidate for candidate in evaluated if candidate is not resting]
+    for number, guess in enumerate(guesses[:_LARGE_TRIED]):
         if budget.exhausted:
             break
-        until = budget.part(0.8 / (_TRIED - number))
+        part = budget.part(_LARGE_SHARE / (_LARGE_TRIED - number))
         motion = (guess.plan.position, guess.plan.velocity)
-        position, velocity = refine_segments(task, motion, backend, length=_STRETCH, passes=_PASSES, budget=until)
-        found.append(as_moved(task, position[0], velocity, guess.origin))
+        position, velocity = refine_segments(
+            task, motion, backend, length=SEGMENT_STEPS, passes=_LARGE_PASSES, budget=part
+        )
+        found.append(evaluate_motion(task, position[0], velocity, guess.origin))
         if found[-1].feasible:
             break
     found += [guess for guess in guesses if guess.feasible]
@@ -116,13 +135,14 @@ def plan_min_time(
     *,
     search: Search,
     budget: Budget,
-    told: Callable[[int, Candidate], None] | None = None,
+    on_progress: Callable[[int, Candidate], None] | None = None,
     failures: int | None = FAILURES,
 ) -> Candidate:
-    """Return the shortest plan that covers everything which the search finds.
+    """Return the shortest plan that covers the whole demand which the search finds.
 
-    Goes down a sample at a time from a short plan, with more starts and hops each time one length fails. So many
-    `failures` in a row end it, None for as many as the budget allows; `told` hears of each length that was tried.
+    Starts from a short plan and removes one sample at a time, with more starts and hops after each length that fails.
+    The search ends after `failures` failed lengths in a row (None: when the budget is exhausted). `on_progress` is
+    called with each length tried and its best candidate.
     """
     best = plan_free_horizon(task, backend, search=replace(search, rounds=0), budget=budget)
     if not best.complete:
@@ -131,15 +151,15 @@ def plan_min_time(
     while (failures is None or failed < failures) and best.plan.steps > task.least_steps and not budget.exhausted:
         more = replace(
             search,
-            starts=systematic + 8 * failed,
-            finalists=6 + 4 * failed,
+            starts=systematic + _MORE_STARTS * failed,
+            finalists=_FINALISTS + _MORE_FINALISTS * failed,
             seed=search.seed + failed,
             rounds=(search.rounds or 0) * 2**failed,
         )
         steps = best.plan.steps - 1
         candidate = multistart(task, backend, steps, more, budget)[0]
-        if told is not None:
-            told(steps, candidate)
+        if on_progress is not None:
+            on_progress(steps, candidate)
         if candidate.complete:
             best, failed = candidate, 0
         else:
@@ -147,69 +167,72 @@ def plan_min_time(
     return best
 
 
-def _flights(task: Task, search: Search, budget: Budget) -> list[Candidate]:
-    """Fly systematic guesses to their ends: what they take is a measure of the work.
+def _evaluated_guesses(task: Task, search: Search, budget: Budget) -> list[Candidate]:
+    """Return candidates of the systematic guesses, whose lengths estimate the work.
 
-    All of them where there is time, else twice as many as are to be told apart; one at the least.
+    All of them in a large search, else in proportion to its starts; as the budget allows, but at least one.
     """
-    flights: list[Candidate] = []
-    most, enough = (None if search.starts > _SCREENED else 2 * search.starts), budget.part(_FLYING)
+    evaluated: list[Candidate] = []
+    most, part = (
+        (None if search.starts > _SCREENED else _GUESSES_PER_START * search.starts),
+        budget.part(_GUESSES_SHARE),
+    )
     for guess in systematic_guesses(task)[:most]:
-        if flights and enough.exhausted:
+        if evaluated and part.exhausted:
             break
-        flights.append(as_flown(task, guess))
-        budget.charge(FLIGHT_S * flights[-1].plan.steps)
-    return flights
+        evaluated.append(evaluate_guess(task, guess))
+        budget.charge(GUESS_SAMPLE_S * evaluated[-1].plan.steps)
+    return evaluated
 
 
-def _work(task: Task, flights: list[Candidate]) -> int:
-    """Return the samples of the shortest guess that measures nearly everything, or of the one that leaves least."""
-    left = [float((task.owed_after(flight.plan) > 0.0).mean()) for flight in flights]
-    enough = max(_SUFFICES, min(left))
-    return min(flight.plan.steps for flight, rest in zip(flights, left, strict=True) if rest <= enough)
+def _work(task: Task, guesses: list[Candidate]) -> int:
+    """Return the steps of the shortest guess that measures nearly all cells, or of the one that leaves fewest."""
+    left = [float((task.remaining_after(guess.plan) > 0.0).mean()) for guess in guesses]
+    sufficient = max(_SUFFICIENT_REST, min(left))
+    return min(guess.plan.steps for guess, rest in zip(guesses, left, strict=True) if rest <= sufficient)
 
 
 def _names(candidates: list[Candidate]) -> tuple[str, ...]:
-    """Return the names of the best candidates, each once."""
+    """Return the names of the best moving candidates, without repetition."""
     moving = (candidate.origin.name for candidate in candidates if candidate.kind is not GuessKind.REST)
-    return tuple(dict.fromkeys(moving))[:_KEPT]
+    return tuple(dict.fromkeys(moving))[:_KEPT_NAMES]
 
 
 def _extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> Candidate:
-    """Fly on to what the candidate leaves over, from its end at rest."""
+    """Extend a candidate from its end at rest to cells that it leaves."""
     for _ in range(_EXTENSIONS):
-        weight = task.owed_after(candidate.plan)
+        weight = task.remaining_after(candidate.plan)
         if not (weight > 0.0).any():
             break
         end = candidate.plan
         rest = replace(
             task, weight=weight, position=end.position[-1], velocity=end.velocity[-1], start_time=end.end_time
         )
-        more = _flown_on(rest, backend, budget)
+        more = _extension(rest, backend, budget)
         if more is None:
             break
         candidate = _joined(task, candidate, more)
     return candidate
 
 
-def _flown_on(rest: Task, backend: Backend, budget: Budget) -> Candidate | None:
-    """Return how to measure some more of what is left over, by a tour, or as one body; None if nothing does."""
-    more = as_flown(rest, tour_guess(rest.fleet, rest.cell, rest.weight, rest.position))
+def _extension(rest: Task, backend: Backend, budget: Budget) -> Candidate | None:
+    """Return a plan that measures some of the remaining cells, a tour or a formation flight; None if there is none."""
+    more = evaluate_guess(rest, tour_guess(rest.fleet, rest.cell, rest.weight, rest.position))
     if not more.feasible and not budget.exhausted:
-        more = multistart(rest, backend, more.plan.steps, Search(starts=2, finalists=1), budget)[0]
-    if _leads_on(rest, more):
+        more = multistart(rest, backend, more.plan.steps, _EXTENSION_SEARCH, budget)[0]
+    if _makes_progress(rest, more):
         return more
-    together = (as_flown(rest, guess) for guess in FormationFlight(budget).guesses(rest))
-    return next((one for one in together if _leads_on(rest, one)), None)
+    formations = (evaluate_guess(rest, guess) for guess in FormationFlight(budget).guesses(rest))
+    return next((one for one in formations if _makes_progress(rest, one)), None)
 
 
-def _leads_on(rest: Task, more: Candidate) -> bool:
-    """Return whether a plan is feasible and leaves less than there was."""
-    left = np.count_nonzero(rest.owed_after(more.plan))
+def _makes_progress(rest: Task, more: Candidate) -> bool:
+    """Return whether a plan is feasible and leaves fewer cells than there were."""
+    left = np.count_nonzero(rest.remaining_after(more.plan))
     return more.feasible and bool(left < np.count_nonzero(rest.weight))
 
 
 def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:
     velocity = np.concatenate([first.plan.velocity, second.plan.velocity[1:]])
     origin = Origin(first.kind, f"{first.origin.name}, then {second.origin.name}")
-    return as_moved(task, first.plan.position[0], velocity, origin)
+    return evaluate_motion(task, first.plan.position[0], velocity, origin)

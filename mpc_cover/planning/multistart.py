@@ -1,4 +1,4 @@
-"""Plans of a given length: several starts of different kinds, the best of them refined."""
+"""Multi-start planning over a given horizon: several initial guesses, the best of them refined."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.planning.basin_hopping import basin_hopping, reweighted
-from mpc_cover.planning.budget import FLIGHT_S
+from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, candidate_of
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
 from mpc_cover.planning.initial_guess.tour import Tour
-from mpc_cover.planning.scp import SHARPNESS, evaluate, length_scale, optimise
+from mpc_cover.planning.scp import REFINEMENT_REGION, SHARPNESS, evaluate, length_scale, optimise
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -28,29 +28,35 @@ if TYPE_CHECKING:
     from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
 
-    Told = Callable[[int, Candidate], None]
+    Progress = Callable[[int, Candidate], None]
 
 COARSE = (4.0, 10.0, 30.0)
-"""Stages that tell good starts from bad ones: after them the order of the costs is nearly the final one."""
-_FIRST = (GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST)
-"""Kinds in the order in which they tend to end well."""
-_HOPELESS = 1.5
-"""What costs more than this many sensing radii after refinement is not refined again."""
+"""Sharpness of the stages that screen the starts: after them the order of costs was observed to be nearly final."""
+_COARSE_ITERATIONS, _FINE_ITERATIONS = 4, 8
+"""QPs per stage of screening and of refining; plain choices."""
+_FINE = SHARPNESS[2:]
+"""Sharpness of the stages that refine a screened start: the last two of the continuation."""
+_SCREENING_SHARE = 0.5
+"""Part of the budget in which starts are generated; a plain choice."""
+_KIND_ORDER = (GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST)
+"""Kinds of guesses in the order in which they tend to end well, as observed."""
+_REFINE_AGAIN_COST = 1.5
+"""Cost in sensing radii above which a refined plan is not refined once more from its guess; a plain choice."""
 _JITTER = 0.35
-"""Random starts move the waypoints of others by this part of the sensing radius."""
+"""Standard deviation of random starts' waypoints around those of systematic ones, in sensing radii; plain choice."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """How much to search.
+    """The extent of a search.
 
     Attributes
     ----------
-    starts : guesses that are told apart by coarse stages; beyond the systematic ones they are random.
-    finalists : the best of them, refined until one covers everything.
-    seed : of the random ones.
+    starts : guesses that coarse stages screen; beyond the systematic ones they are random.
+    finalists : the best of them, refined until one is complete.
+    seed : of the random guesses and hops.
     names : only these guesses, in this order; empty for all.
-    rounds : hops from the best finalist while it leaves something over; None for as many as there is time for.
+    rounds : basin hops from the best finalist while it is incomplete; None for as many as the budget allows.
     exact_cones : second-order cones instead of polytopes, where the back-end has them.
     """
 
@@ -68,17 +74,17 @@ def multistart(
     steps: int,
     search: Search,
     budget: Budget,
-    told: Told | None = None,
+    on_progress: Progress | None = None,
     given: Mapping[str, FloatArray] | None = None,
 ) -> list[Candidate]:
     """Return plans of exactly `steps` samples, the best first, from several starts; anytime.
 
-    The list holds what became of each start that was tried. `told` hears of the length and each better plan; `given`
-    are decision vectors of `task.ocp(steps)` by name, which are started from in place of guesses.
+    The list holds one candidate per start tried. `on_progress` is called with the length and each better plan. `given`
+    maps names to decision vectors of `task.ocp(steps)` that replace the initial guesses.
     """
-    tell = told or _nobody
+    notify = on_progress or _ignore
     ocp = task.ocp(steps)
-    screening = budget.part(0.5)
+    screening = budget.part(_SCREENING_SHARE)
     tried: list[tuple[Origin, FloatArray, SCPResult]] = []
     for origin, x in _starts(task, steps, search, screening) if given is None else _given(given):
         coarse = optimise(
@@ -86,7 +92,7 @@ def multistart(
             x,
             backend,
             sharpness=COARSE,
-            iterations=4,
+            iterations=_COARSE_ITERATIONS,
             budget=budget,
             exact_cones=search.exact_cones,
         )
@@ -98,18 +104,18 @@ def multistart(
     for finalist in tried[: search.finalists]:
         if min(found, key=lambda c: c.rank).complete or budget.exhausted:
             break
-        found.append(_finished(task, backend, steps, finalist, budget, search))
+        found.append(_refined(task, backend, steps, finalist, budget, search))
     best = min(found, key=lambda candidate: candidate.rank)
-    tell(steps, best)
+    notify(steps, best)
     resting = rest_guess(task.position)
-    still = ocp.decision_of(task.flown(resting, steps))
+    rest = ocp.decision_of(task.flown(resting, steps))
     if not best.complete and search.rounds != 0:
-        found.append(_hopped(task, backend, best, [still, *(x for _, x, _ in tried)], budget, search, tell))
-    found.append(candidate_of(task, steps, evaluate(ocp, still), resting.origin))
+        found.append(_hopped(task, backend, best, [rest, *(x for _, x, _ in tried)], budget, search, notify))
+    found.append(candidate_of(task, steps, evaluate(ocp, rest), resting.origin))
     return sorted(found, key=lambda candidate: candidate.rank)
 
 
-def _finished(
+def _refined(
     task: Task,
     backend: Backend,
     steps: int,
@@ -117,14 +123,14 @@ def _finished(
     budget: Budget,
     search: Search,
 ) -> Candidate:
-    """Refine a finalist from where the coarse stages left it, then once more from the start."""
+    """Refine a finalist from the result of the coarse stages, then once more from its guess."""
     origin, x, coarse = finalist
     ocp = task.ocp(steps)
     exact = search.exact_cones
     refined = partial(optimise, ocp, backend=backend, budget=budget, exact_cones=exact)
-    fine = refined(x=coarse.x, sharpness=SHARPNESS[2:], iterations=8, region=0.5)
+    fine = refined(x=coarse.x, sharpness=_FINE, iterations=_FINE_ITERATIONS, region=REFINEMENT_REGION)
     first = candidate_of(task, steps, fine, origin)
-    if first.complete or first.cost > _HOPELESS * length_scale(ocp) or budget.exhausted:
+    if first.complete or first.cost > _REFINE_AGAIN_COST * length_scale(ocp) or budget.exhausted:
         return first
     again = refined(x=x)
     return min(first, candidate_of(task, steps, again, origin), key=lambda candidate: candidate.rank)
@@ -137,36 +143,36 @@ def _hopped(
     guesses: list[FloatArray],
     budget: Budget,
     search: Search,
-    tell: Told,
+    notify: Progress,
 ) -> Candidate:
-    """Leave the local minimum that the best plan is in."""
+    """Leave the local minimum of the best plan by reweighting and basin hopping."""
     steps = best.plan.steps
     ocp = task.ocp(steps)
     if best.refined is None:
         return best
     exact = search.exact_cones
-    pushed = reweighted(ocp, best.refined, backend, budget=budget, exact_cones=exact)
+    improved = reweighted(ocp, best.refined, backend, budget=budget, exact_cones=exact)
     found = basin_hopping(
         ocp,
-        pushed,
+        improved,
         backend,
         rounds=search.rounds,
         guesses=guesses,
         seed=search.seed,
         budget=budget,
         exact_cones=exact,
-        told=lambda refined: tell(steps, candidate_of(task, steps, refined, best.origin)),
+        on_progress=lambda refined: notify(steps, candidate_of(task, steps, refined, best.origin)),
     )
     return candidate_of(task, steps, found, best.origin)
 
 
-def _starts(task: Task, steps: int, search: Search, until: Budget) -> Iterator[tuple[Origin, FloatArray]]:
-    """Yield the origins and decision vectors of guesses as they fly, as many as are to be told apart by then."""
+def _starts(task: Task, steps: int, search: Search, budget: Budget) -> Iterator[tuple[Origin, FloatArray]]:
+    """Yield origins and decision vectors of up to `search.starts` initial guesses, as the budget allows."""
     ocp = task.ocp(steps)
     for number, guess in enumerate(islice(initial_guesses(task, search), max(search.starts, 1))):
-        if number and until.exhausted:
+        if number and budget.exhausted:
             return
-        until.charge(FLIGHT_S * steps)
+        budget.charge(GUESS_SAMPLE_S * steps)
         yield guess.origin, ocp.decision_of(task.flown(guess, steps))
 
 
@@ -174,25 +180,25 @@ def _given(decisions: Mapping[str, FloatArray]) -> Iterator[tuple[Origin, FloatA
     return ((Origin(GuessKind.GIVEN, name), x) for name, x in decisions.items())
 
 
-def _nobody(steps: int, candidate: Candidate) -> None:
-    """Hear nothing."""
+def _ignore(steps: int, candidate: Candidate) -> None:
+    """Do nothing on progress."""
     del steps, candidate
 
 
 def systematic_guesses(task: Task) -> list[Guess]:
-    """Return all guesses from scratch that are not random, in the order of their promise."""
+    """Return all guesses that are neither random nor from an earlier plan, the most promising kinds first."""
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
     makers: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
-    return sorted((guess for maker in makers for guess in maker.guesses(task)), key=_promise)
+    return sorted((guess for maker in makers for guess in maker.guesses(task)), key=_kind_rank)
 
 
-def _promise(guess: Guess) -> int:
-    return _FIRST.index(guess.origin.kind)
+def _kind_rank(guess: Guess) -> int:
+    return _KIND_ORDER.index(guess.origin.kind)
 
 
 def initial_guesses(task: Task, search: Search) -> Iterator[Guess]:
-    """Yield guesses: the systematic ones in the order of their promise, then random relatives without end."""
+    """Yield the systematic guesses, then random perturbations of them without end."""
     systematic = systematic_guesses(task)
     if search.names:
         chosen = {guess.origin.name: guess for guess in systematic}

@@ -1,4 +1,4 @@
-"""A stretch of motion to be planned: what is given, and what plans keep to spare."""
+"""The optimal control problem (OCP) of coverage over a fixed horizon, and the margins of its constraints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.arrays import FloatArray, IntArray
-    from mpc_cover.constraints.boundary import Ends
+    from mpc_cover.constraints.boundary import BoundaryConditions
     from mpc_cover.coverage.majoriser import Softness
     from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.model.trajectory import Trajectory
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Margins:
-    """What plans keep to spare of each constraint, so that tolerances and clocks cannot eat into it.
+    """Margins of plans on each constraint, for solver tolerances and imperfect clocks; plain choices.
 
     Attributes
     ----------
     separation, connectivity : [m], off rho_B and rho_C.
     limits : part of u_max and v_max.
-    solver : further part of u_max and v_max inside the QP, which is solved inexactly.
+    solver : further part of u_max and v_max in the QP, which is solved to a finite tolerance.
     """
 
     separation: float = 0.01
@@ -39,24 +39,24 @@ class Margins:
 
     @property
     def limit_share(self) -> float:
-        """The part of u_max and v_max that a QP may use."""
+        """The part of u_max and v_max that the QP may use."""
         return 1.0 - self.limits - self.solver
 
 
 @dataclass(frozen=True, eq=False)
 class OCP:
-    """A stretch of motion to be planned, and what is asked of its ends.
+    """An optimal control problem: cover weighted cells within N steps, subject to constraints and boundary conditions.
 
     Attributes
     ----------
-    fleet : limits, radii, ranges.
+    fleet : limits, sensing radii, ranges.
     cell : (K, d) [m].
-    weight : (J, K) gamma, what is still owed.
+    weight : (J, K) gamma of the outstanding demand, 0 where there is none.
     steps : N.
     period : T_s [s].
-    ends : states at sample 0 and N that are given, (m, d) [m], [m/s].
-    looks : (J, K) looks owed; None for one each.
-    on_iterate : told each decision vector that the SQP accepts, in whatever search; what it raises ends the search.
+    ends : boundary conditions at samples 0 and N, (m, d) [m], [m/s].
+    looks : (J, K) outstanding looks; None for one each.
+    on_iterate : called with each decision vector that the SQP accepts, in any search; an exception ends the search.
     """
 
     fleet: FleetConstraints
@@ -64,7 +64,7 @@ class OCP:
     weight: FloatArray
     steps: int
     period: float
-    ends: Ends
+    ends: BoundaryConditions
     looks: IntArray | None = None
     on_iterate: Callable[[FloatArray], None] | None = None
 
@@ -78,11 +78,11 @@ class OCP:
         return np.concatenate([position.ravel(), velocity.ravel()])
 
     def decision_of(self, motion: Trajectory) -> FloatArray:
-        """Return the decision vector of a motion of as many steps, with the ends exactly as asked."""
+        """Return the decision vector of a motion of N steps, with the boundary conditions satisfied exactly."""
         return self.exact_ends(self.decision(motion.position[0], motion.velocity))
 
     def motion(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions [m] and velocities [m/s], (N+1, m, d), of a decision vector: dynamics hold exactly."""
+        """Return positions [m] and velocities [m/s], (N+1, m, d), of a decision vector; the dynamics hold exactly."""
         shape = self.fleet.start.shape
         start = x[: self.fleet.start.size].reshape(shape)
         velocity = x[self.fleet.start.size :].reshape(self.steps + 1, *shape)
@@ -90,7 +90,7 @@ class OCP:
         return position, velocity
 
     def exact_ends(self, x: FloatArray) -> FloatArray:
-        """Return `x` with the ends exactly as asked: what a QP's tolerance leaves is spread over the velocities."""
+        """Return `x` with exact boundary conditions: the QP's residual is distributed over the velocities."""
         ends, size = self.ends, self.fleet.start.size
         start = x[:size].reshape(self.fleet.start.shape) if ends.start_position is None else ends.start_position
         velocity = x[size:].reshape(self.steps + 1, *self.fleet.start.shape).copy()
@@ -111,30 +111,32 @@ class OCP:
 
 @dataclass(frozen=True)
 class Settings:
-    """How the subproblem approximates the NLP."""
+    """How the subproblem approximates the NLP; values are plain choices unless stated otherwise."""
 
     softness: Softness
     margins: Margins = Margins()
     sides: int = 8
+    """Sides of the polygons inside the discs of speed and input."""
     edge_sides: int = 16
+    """Sides of the polygons inside the discs of communication range."""
     penalty: float = 50.0
-    """Cost of a metre of violated separation or connectivity, in cells times metres."""
+    """Weight of the l1 penalty, per metre of violated separation, connectivity or passive safety, in cells."""
     proximal: float = 1e-4
-    """Weight of the distance to the iterate, which makes the QP strictly convex."""
+    """Weight of the squared distance to the iterate, which makes the QP strictly convex."""
     stop_reach: float = 0.25
-    """Room to stop is looked after where less than this is to spare [m]: the rest is left to the next iterate."""
+    """Passive safety gets rows only where a violation is nearer than this [m]; the next iterate has rows of its own."""
     exact_cones: bool = False
     """Speeds, inputs and edges as second-order cones instead of polytopes, for back-ends that have them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Requirements:
-    """Distances that a window's plans must keep.
+    """Required distances of an OCP's plans.
 
     Attributes
     ----------
-    separation : (pairs,) least distance [m]: rho_B and the margin, or what the start leaves of the margin.
-    range : greatest edge [m]: rho_C less the margin, or what the start needs of the margin.
+    separation : (pairs,) least distance [m]: rho_B plus the margin, or what a given state leaves of the margin.
+    range : longest edge [m]: rho_C minus the margin, or what a given state requires of the margin.
     """
 
     separation: FloatArray
@@ -142,7 +144,7 @@ class Requirements:
 
 
 def requirements(ocp: OCP, margins: Margins) -> Requirements:
-    """Relax the margins, never the constraints themselves, to what the window's given ends allow."""
+    """Return the requirements, with margins (never constraints) relaxed to what given end states allow."""
     fleet, reach = ocp.fleet, ocp.fleet.communication_range
     least = fleet.separations
     separation = least + margins.separation

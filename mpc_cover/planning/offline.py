@@ -1,4 +1,4 @@
-"""One offline solve of the optimal coverage NLP over a mission's planning duration (thesis 4.3.3)."""
+"""Offline planning: one solve of the optimal coverage NLP over a mission's planning duration (thesis 4.3.3)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpc_cover import __version__
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
 from mpc_cover.information.replay import measured_at
@@ -18,6 +17,7 @@ from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import End, Task
 from mpc_cover.trajectory_file import Recording
+from mpc_cover.version import __version__
 from solvers.backends.registry import backends_with_cones
 
 if TYPE_CHECKING:
@@ -27,21 +27,21 @@ if TYPE_CHECKING:
     from mpc_cover.planning.candidate import Candidate
 
 SEARCH = Search(starts=10, finalists=3, rounds=20)
-"""What is searched unless something else is asked for; within a time limit the rounds go on until then."""
+"""The default search; with a time limit its hops go on until then. A plain choice."""
 
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """How to plan.
+    """Options of offline planning.
 
     Attributes
     ----------
     backend : QP back-end.
     seed : of the random starts.
-    starts : guesses that are told apart.
-    time_limit_s : of the whole search, which goes on until then while anything is left over; None for a search
-        of bounded effort, with the same result every time.
-    min_time : whether to search for the shortest plan that covers everything, instead of a fixed duration.
+    starts : guesses that are screened.
+    time_limit_s : of the whole search [s], which goes on until then while the plan is incomplete; None for a search
+        of bounded effort, which is deterministic.
+    min_time : whether to search for the shortest plan that covers the whole demand, instead of a fixed duration.
     exact_cones : second-order cones for speeds, inputs and edges instead of polytopes inside them.
     """
 
@@ -55,22 +55,21 @@ class PlanOptions:
     def __post_init__(self) -> None:
         """Raise `UserError` for cones that the back-end lacks."""
         if self.exact_cones and self.backend not in (able := backends_with_cones()):
-            raise UserError(
-                f"--cones exact: {self.backend} has no second-order cones: must be --backend {' or '.join(able)}"
-            )
+            raise UserError(f"exact cones: {self.backend} has no second-order cones: use {' or '.join(able)}")
 
 
 def plan_mission(
-    mission: Mission, options: PlanOptions | None = None, told: Callable[[str], None] | None = None
+    mission: Mission, options: PlanOptions | None = None, on_progress: Callable[[str], None] | None = None
 ) -> Recording:
-    """Return the best plan found, between the ends that the mission's `planning` asks for.
+    """Return the best plan found, with the boundary conditions of the mission's `planning` section.
 
-    Deterministic without a time limit; `told` hears of the search. The result's meta says what it is worth.
+    Deterministic without a time limit. `on_progress` is called with lines of text on the search. The meta of the
+    recording holds cost, guess and residuals.
 
     Raises
     ------
     UserError
-        Unknown back-end, or no motion that keeps the constraints was found.
+        Unknown back-end, or no motion was found that satisfies the constraints.
     """
     options = options or PlanOptions()
     planner, task = Planner(options.backend), offline_task(mission)
@@ -78,27 +77,27 @@ def plan_mission(
     limit_s = options.time_limit_s
     budget = Budget.unlimited() if limit_s is None else Budget.wall_clock(limit_s)
     search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
-    tell = _teller(task.period, told)
+    notify = _notifier(task.period, on_progress)
     if options.min_time:
-        found = planner.shortest(task, search, budget, tell, failures=FAILURES if limit_s is None else None)
+        found = planner.shortest(task, search, budget, notify, failures=FAILURES if limit_s is None else None)
     else:
         rounds = SEARCH.rounds if limit_s is None else None
-        found = planner.fixed(task, steps, replace(search, rounds=rounds), budget, tell)
+        found = planner.fixed(task, steps, replace(search, rounds=rounds), budget, notify)
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
-    return _trajectory(mission, options, found)
+    return _recording(mission, options, found)
 
 
 def offline_task(mission: Mission) -> Task:
     """Return the task of covering a mission from scratch."""
     fleet, planning = mission.fleet, mission.spec.planning
-    owed = make_map(mission).demand(0.0, np.full_like(fleet.start, np.nan))  # nothing is in range before the start
+    demand = make_map(mission).demand(0.0, np.full_like(fleet.start, np.nan))  # no cell is in range before the start
     end = End(planning.end)
     goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if end is End.FIXED else None
     return Task(
         FleetConstraints.of(fleet),
         mission.field.cell,
-        owed.gamma * mission.field.weight,
+        demand.gamma * mission.field.weight,
         fleet.start,
         np.zeros_like(fleet.start),
         0.0,
@@ -106,22 +105,22 @@ def offline_task(mission: Mission) -> Task:
         start_free=planning.start == "free",
         end=end,
         goal=goal,
-        looks=owed.looks,
+        looks=demand.looks,
     )
 
 
-def _teller(period: float, told: Callable[[str], None] | None) -> Callable[[int, Candidate], None] | None:
-    if told is None:
+def _notifier(period: float, on_progress: Callable[[str], None] | None) -> Callable[[int, Candidate], None] | None:
+    if on_progress is None:
         return None
 
-    def tell(steps: int, candidate: Candidate) -> None:
+    def notify(steps: int, candidate: Candidate) -> None:
         outcome = "covers everything" if candidate.complete else f"J = {candidate.cost:.4g} m"
-        told(f"{steps * period:.4g} s: {outcome} ({candidate.origin.name})")
+        on_progress(f"{steps * period:.4g} s: {outcome} ({candidate.origin.name})")
 
-    return tell
+    return notify
 
 
-def _trajectory(mission: Mission, options: PlanOptions, found: Candidate) -> Recording:
+def _recording(mission: Mission, options: PlanOptions, found: Candidate) -> Recording:
     plan = found.plan
     return Recording(
         time=plan.time,
@@ -148,7 +147,7 @@ def _solver_meta(found: Candidate) -> dict[str, Any]:
     """Return why the search stopped, and the residuals of the last subproblem."""
     stages = found.refined.stages if found.refined is not None else ()
     if found.cost == 0.0:
-        stopped = "Everything is covered: J = 0 is the least there is."
+        stopped = "Everything is covered: J = 0 is the minimum."
     else:
         stopped = stages[-1].outcome.sentence if stages else "No start could be refined in time."
     meta: dict[str, Any] = {"stopped": stopped, "subproblems": sum(stage.iterations for stage in stages)}

@@ -1,4 +1,4 @@
-"""The planner as the controller sees it: a back-end is chosen here, and nowhere above."""
+"""The planner: the interface of trajectory optimisation to the control law, with one QP back-end."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.errors import UserError
-from mpc_cover.planning.initial_guess.timed_sweeps import repaired, timed_sweeps
+from mpc_cover.planning.initial_guess.timed_sweeps import repair_sweeps, timed_sweeps
 from mpc_cover.planning.min_time import FAILURES, plan_free_horizon, plan_min_time
 from mpc_cover.planning.multistart import Search, multistart
 from mpc_cover.planning.scp import evaluate, optimise
-from mpc_cover.planning.task import gentle, needs_laps
+from mpc_cover.planning.task import multi_look_options, needs_laps
 from solvers.backends.registry import UnknownBackendError, make_backend
 
 if TYPE_CHECKING:
@@ -27,27 +27,30 @@ if TYPE_CHECKING:
     from mpc_cover.planning.scp import SCPResult
     from mpc_cover.planning.task import Task
 
-_FLIGHT_SHARPNESS = 40.0
-"""In flight the minimum is as good as hard: what is planned is nearly what is flown."""
-_ROOMY, _CROWDED = 0.8, 0.5
-"""Parts of the time for plans with room to stop; the rest is for those without: more where that was needed before."""
-_WORTH = 0.3
-"""Plans with room to stop may leave this part of what is owed over for the next."""
+_POLISH_SHARPNESS = 40.0
+"""Sharpness of the soft minimum for plans that are good already; a plain choice close to the hard minimum."""
+_SAFE_SHARE, _SAFE_SHARE_CROWDED = 0.8, 0.5
+"""Parts of the budget for passively safe plans, the second where the last search found none that was sufficient; the
+rest is for plans without passive safety. Plain choices."""
+_SUFFICIENT_REST = 0.3
+"""Part of the demand that a passively safe plan may leave to the next one; a plain choice."""
+_QUICK_SEARCH = Search(starts=3, finalists=1)
+"""The search for one length within a control step; a plain choice of what fits into it."""
 _FEW_SWEEPS = 3
-"""Guesses that slow plans are made from within a step; at rest all of them."""
-_FLOWN = 0.8
-"""Part of the time for slow plans that flying them takes at the most; repairs have the rest."""
-_MENDED = 3
-"""If none is complete as it flies, so many are repaired at rest: that takes longer than all the others together."""
+"""Timed sweeps that are tried within a step; at rest all of them are. Plain choice."""
+_SWEEPS_SHARE = 0.8
+"""Part of the budget for generating timed sweeps; their repair has the rest. Plain choice."""
+_REPAIRED = 3
+"""Timed sweeps that are repaired at rest where none is complete; a plain choice, as repair takes longest."""
 
 
 class Planner:
-    """One back-end and the ways it is used.
+    """Searches for plans with one QP back-end.
 
     Raises
     ------
     UserError
-        For an unknown back-end; the message lists those there are.
+        For an unknown back-end; the message lists the known ones.
     """
 
     def __init__(self, backend: str) -> None:
@@ -58,20 +61,20 @@ class Planner:
             raise UserError(str(error)) from None
 
     def thorough(self, task: Task, budget: Budget) -> Candidate:
-        """Plan everything that is owed from many starts, as well as the budget allows."""
-        return self._with_room(partial(plan_free_horizon, backend=self._backend), task, budget)
+        """Plan for the whole demand from many starts, as well as the budget allows."""
+        return self._passively_safe(partial(plan_free_horizon, backend=self._backend), task, budget)
 
     def quick(self, task: Task, budget: Budget) -> Candidate:
-        """Plan everything that is owed from a few starts, refined once if the budget allows."""
-        few = partial(plan_free_horizon, backend=self._backend, attempts=1, search=Search(starts=3, finalists=1))
-        return self._with_room(few, task, budget)
+        """Plan for the whole demand from a few starts at one length, as well as the budget allows."""
+        few = partial(plan_free_horizon, backend=self._backend, attempts=1, search=_QUICK_SEARCH)
+        return self._passively_safe(few, task, budget)
 
     def timed_sweeps(self, task: Task, budget: Budget, *, thorough: bool) -> list[Candidate]:
-        """Return plans that bring all looks in one go, as slow as that takes: from all sweeps, or from a few."""
-        flown = timed_sweeps(task, None if thorough else _FEW_SWEEPS, budget.part(_FLOWN))
-        if any(candidate.complete for candidate in flown):
-            return flown
-        return [*flown, *repaired(task, flown, self._backend, _MENDED if thorough else 1, budget)]
+        """Return plans that take all looks in a single slow pass, from all sweeps if `thorough`, else from a few."""
+        sweeps = timed_sweeps(task, None if thorough else _FEW_SWEEPS, budget.part(_SWEEPS_SHARE))
+        if any(candidate.complete for candidate in sweeps):
+            return sweeps
+        return [*sweeps, *repair_sweeps(task, sweeps, self._backend, _REPAIRED if thorough else 1, budget)]
 
     def fixed(
         self,
@@ -79,50 +82,52 @@ class Planner:
         steps: int,
         search: Search,
         budget: Budget,
-        told: Callable[[int, Candidate], None] | None = None,
+        on_progress: Callable[[int, Candidate], None] | None = None,
         given: Mapping[str, FloatArray] | None = None,
     ) -> Candidate:
-        """Plan exactly `steps` samples; see `multistart`."""
-        return multistart(task, self._backend, steps, search, budget, told, given)[0]
+        """Plan over exactly `steps` steps; see `multistart.multistart`."""
+        return multistart(task, self._backend, steps, search, budget, on_progress, given)[0]
 
     def shortest(
         self,
         task: Task,
         search: Search,
         budget: Budget,
-        told: Callable[[int, Candidate], None] | None = None,
+        on_progress: Callable[[int, Candidate], None] | None = None,
         *,
         failures: int | None = FAILURES,
     ) -> Candidate:
-        """Plan everything that is owed in as few samples as the search finds; see `plan_min_time`."""
-        return plan_min_time(task, self._backend, search=search, budget=budget, told=told, failures=failures)
+        """Plan for the whole demand in as few steps as the search finds; see `min_time.plan_min_time`."""
+        return plan_min_time(
+            task, self._backend, search=search, budget=budget, on_progress=on_progress, failures=failures
+        )
 
     def polish(self, ocp: OCP, x: FloatArray, iterations: int, budget: Budget) -> SCPResult:
-        """Improve a motion that is already good by a few QPs: of many looks, by one around fewer samples."""
+        """Improve a motion that is already good by a few QPs; for many looks, by one with fewer samples per term."""
         return optimise(
             ocp,
             x,
             self._backend,
-            sharpness=(_FLIGHT_SHARPNESS,),
+            sharpness=(_POLISH_SHARPNESS,),
             iterations=1 if needs_laps(ocp.looks) else iterations,
             budget=budget,
-            **gentle(ocp.looks),
+            **multi_look_options(ocp.looks),
         )
 
     def evaluate(self, ocp: OCP, x: FloatArray) -> SCPResult:
-        """Return what a motion is worth as it stands."""
+        """Return the evaluation of a motion without any refinement."""
         return evaluate(ocp, x)
 
-    def _with_room(self, plan: Callable[..., Candidate], task: Task, budget: Budget) -> Candidate:
-        """Plan with room to stop; where that leaves too much over, without, too: a crowd would hardly move."""
+    def _passively_safe(self, plan: Callable[..., Candidate], task: Task, budget: Budget) -> Candidate:
+        """Plan with passive safety; if that leaves too much, as in a crowded fleet, without it as well."""
         if task.fleet.reaction_periods == 0.0:
             return plan(task, budget=budget)
-        roomy = plan(task, budget=budget.part(_CROWDED if self._crowded else _ROOMY))
-        left, owed = np.count_nonzero(task.owed_after(roomy.plan)), np.count_nonzero(task.weight)
-        self._crowded = not roomy.feasible or bool(left > _WORTH * owed)
+        safe = plan(task, budget=budget.part(_SAFE_SHARE_CROWDED if self._crowded else _SAFE_SHARE))
+        left, demanded = np.count_nonzero(task.remaining_after(safe.plan)), np.count_nonzero(task.weight)
+        self._crowded = not safe.feasible or bool(left > _SUFFICIENT_REST * demanded)
         if not self._crowded or budget.exhausted:
-            return roomy
-        dense = plan(replace(task, fleet=replace(task.fleet, reaction_periods=0.0)), budget=budget)
-        flown = dense.plan
-        exposed = braking_violation(flown.position, flown.velocity, flown.period, task.fleet)
-        return min(roomy, replace(dense, braking_violation=exposed), key=lambda candidate: candidate.rank)
+            return safe
+        unsafe = plan(replace(task, fleet=replace(task.fleet, reaction_periods=0.0)), budget=budget)
+        motion = unsafe.plan
+        violation = braking_violation(motion.position, motion.velocity, motion.period, task.fleet)
+        return min(safe, replace(unsafe, braking_violation=violation), key=lambda candidate: candidate.rank)

@@ -1,4 +1,7 @@
-"""Majorise-minimise with continuation: from a soft minimum to the hard one."""
+"""Sequential convex programming (SCP) with continuation: from a soft minimum towards the hard one.
+
+Each stage is a majorise-minimise iteration by `solvers.sqp` at one sharpness of the soft minimum.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.constraints.passive_safety import braking_violation
-from mpc_cover.coverage.majoriser import Softness
+from mpc_cover.coverage.majoriser import SAMPLES_PER_TERM, Softness
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.planning.coverage_nlp import CoverageNLP
 from mpc_cover.planning.ocp import Settings
@@ -26,40 +29,60 @@ if TYPE_CHECKING:
     from solvers.outcome import Result
 
 FEASIBILITY = 2e-4
-"""Violation [m, m/s, m/s^2] that margins absorb many times over."""
+"""Violation up to which a motion counts as feasible [m, m/s, m/s^2]; a plain choice that `ocp.Margins` absorb."""
 
 SHARPNESS = (4.0, 10.0, 30.0, 100.0)
-"""beta times the sensing radius, stage by stage; finer steps and softer beginnings took longer and covered less."""
+"""beta times the sensing radius, by stage; finer stages and softer first ones took longer and covered less."""
 
 MARGIN = 0.7
-"""Sensing margin times beta; log 2 is what two equally near samples take off the minimum."""
+"""Sensing margin times beta; derived from log 2, by which two equally near samples lower the soft minimum."""
 
+REFINEMENT_REGION = 0.5
+"""First trust radius of refinements of good motions, in sensing radii; a plain choice."""
+
+_FIRST_REGION, _REGION_MIN, _REGION_MAX = 1.0, 0.01, 2.0
+"""First, smallest and largest trust radius of a stage, in sensing radii; plain choices."""
+_SHRINK, _GROW = 0.4, 1.5
+"""Factors of the trust radius after poor and good steps; plain choices, gentler than Nocedal and Wright's 1/4 and 2."""
+_MAX_ITERATIONS = 10
+"""QPs per stage; a plain choice."""
+_OPTIMALITY = 3e-3
+"""Relative predicted decrease below which a stage has converged; a plain choice, as the next stage changes J_beta."""
+_STEP_MIN = 1e-5
+"""Step length below which a stage ends [m]; a plain choice."""
+_BACKTRACKS = 2
+"""Halvings of a rejected step before the trust region shrinks; a plain choice."""
 _SHARP = 30.0
-"""From this sharpness on QPs are solved to the fine tolerance of the back-end, before to the inexact one.
-
-An inexact QP inside the SQP costs little: the roll-out is exact and the merit judges the step."""
+"""Sharpness from which on QPs are solved to the back-end's fine tolerance, before to its inexact one. Plain choice: the
+roll-out is exact and the merit function decides about steps, so that early QPs need not be accurate."""
 
 _HARD = 300.0
-"""Sharpness with which the last of all is settled, by accurate QPs."""
-
+"""Sharpness of the final stage without sensing margin; a plain choice."""
+_FINAL_ITERATIONS = 12
+"""QPs of the final stage; a plain choice."""
+_FINAL_REGION, _FINAL_REGION_MIN, _FINAL_REGION_MAX = 0.1, 1e-6, 1.0
+"""First, smallest and largest trust radius of the final stage, in sensing radii; plain choices."""
+_FINAL_TOLERANCE = 1e-12
+"""Relative predicted decrease and step length [m] below which the final stage ends; a plain choice, so small that only
+the number of QPs bounds the stage."""
 
 BRAKING_TOLERANCE = 0.01
-"""Exposure [m] that the spare room of `constraints.passive_safety` covers."""
+"""Tolerated violation of passive safety [m]; a plain choice within the margin of `constraints.passive_safety`."""
 _BRAKING_VIOLATION_COST = 5.0
-"""What a metre of braking violation costs, in cells times metres, where motions are compared."""
+"""Cost of a metre of braking violation in the merit of a motion, in cells; a plain choice."""
 
 
 @dataclass(frozen=True, eq=False)
 class SCPResult:
-    """What a continuation ends with.
+    """The result of an SCP run.
 
     Attributes
     ----------
     x : decision vector of the best motion.
-    cost : its J, exactly (4.34) [m].
-    violation : worst violation of the requirements, margins included.
+    cost : its exact J (4.34) [m].
+    violation : largest violation of the requirements, margins included [m, m/s, m/s^2].
     stages : the SQP's result for each stage.
-    braking_violation : worst violation of passive safety or of the box, should anyone brake without warning [m].
+    braking_violation : largest violation of passive safety [m].
     """
 
     x: FloatArray
@@ -70,29 +93,29 @@ class SCPResult:
 
     @property
     def feasible(self) -> bool:
-        """Whether the motion satisfies the requirements."""
+        """Whether the motion satisfies the requirements within `FEASIBILITY`."""
         return self.violation <= FEASIBILITY
 
     @property
     def complete(self) -> bool:
-        """Whether everything is covered, feasibly, and with room to stop."""
+        """Whether the motion is feasible, covers the whole demand, and is passively safe."""
         return self.feasible and self.cost == 0.0 and self.braking_violation <= BRAKING_TOLERANCE
 
     @property
     def merit(self) -> float:
-        """J and what braking violations are worth [m]."""
+        """J plus the cost of braking violations [m]."""
         return merit(self.cost, self.braking_violation)
 
 
 def merit(cost: float, braking_violation: float) -> float:
-    """Return what a motion of cost J [m] and a braking violation [m] is worth, where motions are compared [m]."""
+    """Return the merit of a motion [m], lower is better: J [m] plus the cost of its braking violation [m]."""
     return cost + _BRAKING_VIOLATION_COST * max(braking_violation - BRAKING_TOLERANCE, 0.0)
 
 
-def softness_at(sharpness: float, radius: float, margin: float = MARGIN, count: int = 6) -> Softness:
-    """Return the soft minimum of a stage, over `count` samples; `radius` [m] sets the length scale.
+def softness_at(sharpness: float, radius: float, margin: float = MARGIN, count: int = SAMPLES_PER_TERM) -> Softness:
+    """Return the soft minimum of a stage, over `count` samples; `radius` [m] is the length scale.
 
-    The sensing margin, `margin` over beta, makes up for what the soft minimum lies below the hard one.
+    The sensing margin, `margin` over beta, compensates for the soft minimum lying below the hard one.
     """
     return Softness(beta=sharpness / radius, margin=margin / sharpness * radius, count=count)
 
@@ -109,27 +132,27 @@ def optimise(
     backend: Backend,
     *,
     sharpness: Sequence[float] = SHARPNESS,
-    iterations: int = 10,
-    region: float = 1.0,
+    iterations: int = _MAX_ITERATIONS,
+    region: float = _FIRST_REGION,
     budget: Budget,
     exact_cones: bool = False,
     margin: float = MARGIN,
-    count: int = 6,
+    count: int = SAMPLES_PER_TERM,
 ) -> SCPResult:
-    """Lower J from the decision vector `x`, stage by stage; anytime: the best feasible motion is returned.
+    """Decrease J from the decision vector `x`, stage by stage; anytime: the best feasible motion is returned.
 
     `iterations` bounds the QPs of a stage; `margin` is the sensing margin times beta; soft minima are over `count`
     samples; `region` is the first trust radius in sensing radii; `exact_cones` needs a back-end that has them.
-    Ends early once everything is covered, or the budget is exhausted.
+    Ends early once a motion is complete, or the budget is exhausted.
     """
     scale = length_scale(ocp)
     options = sqp.Options(
         max_iterations=iterations,
-        optimality=3e-3,
+        optimality=_OPTIMALITY,
         feasibility=FEASIBILITY,
-        smallest_step=1e-5,
-        region=TrustRegion(region * scale, smallest=0.01 * scale, largest=2.0 * scale, shrink=0.4, grow=1.5),
-        line_search=Backtracking(most=2),
+        smallest_step=_STEP_MIN,
+        region=_trust_region(scale, region, _REGION_MIN, _REGION_MAX),
+        line_search=Backtracking(most=_BACKTRACKS),
     )
     best = evaluate(ocp, x)
     metered, able = budget.metered(backend), backend.capabilities
@@ -152,22 +175,22 @@ def optimise(
 def optimise_without_margin(
     ocp: OCP, best: SCPResult, backend: Backend, *, budget: Budget, exact_cones: bool = False
 ) -> SCPResult:
-    """Return the better of a motion and what becomes of it without any sensing margin, by accurate QPs.
+    """Return the better of a motion and its refinement without sensing margin, by accurate QPs.
 
-    For motions that leave next to nothing: margins that make up for soft minima forbid what only just fits, as cells
-    exactly two radii apart that one straight path measures.
+    For motions that leave next to nothing: the margins that compensate for soft minima exclude tight solutions, such as
+    one straight path that measures cells exactly two radii apart.
     """
     if budget.exhausted:
         return best
     scale = length_scale(ocp)
     settings = Settings(softness_at(_HARD, scale, margin=0.0), exact_cones=exact_cones)
     options = sqp.Options(
-        max_iterations=12,
-        optimality=1e-12,
+        max_iterations=_FINAL_ITERATIONS,
+        optimality=_FINAL_TOLERANCE,
         feasibility=FEASIBILITY,
-        smallest_step=1e-12,
-        region=TrustRegion(0.1 * scale, smallest=1e-6 * scale, largest=scale, shrink=0.4, grow=1.5),
-        line_search=Backtracking(most=2),
+        smallest_step=_FINAL_TOLERANCE,
+        region=_trust_region(scale, _FINAL_REGION, _FINAL_REGION_MIN, _FINAL_REGION_MAX),
+        line_search=Backtracking(most=_BACKTRACKS),
         qp=QPOptions(tolerance=backend.capabilities.accurate),
     )
     result = sqp.solve(
@@ -182,17 +205,22 @@ def optimise_without_margin(
     return replace(found if is_better(found, best) else best, stages=(*best.stages, result))
 
 
+def _trust_region(scale: float, first: float, smallest: float, largest: float) -> TrustRegion:
+    """Return a trust region whose radii are given in units of `scale` [m]."""
+    return TrustRegion(first * scale, smallest=smallest * scale, largest=largest * scale, shrink=_SHRINK, grow=_GROW)
+
+
 def evaluate(ocp: OCP, x: FloatArray) -> SCPResult:
-    """Return what a decision vector is worth as it stands."""
+    """Return the evaluation of a decision vector without any refinement."""
     problem = CoverageNLP(ocp, Settings(softness_at(SHARPNESS[-1], length_scale(ocp))))
     position, velocity = ocp.motion(x)
     cost = coverage_cost(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.looks)
-    exposed = braking_violation(position, velocity, ocp.period, ocp.fleet)
-    return SCPResult(x, cost, problem.violation(x), (), exposed)
+    braking = braking_violation(position, velocity, ocp.period, ocp.fleet)
+    return SCPResult(x, cost, problem.violation(x), (), braking)
 
 
 def is_better(new: SCPResult, old: SCPResult) -> bool:
-    """Whether `new` is the better motion: feasible before cheaper, and what is not feasible, the less so."""
+    """Return whether `new` is better: feasible first, then lower merit; among infeasible ones, lower violation."""
     if new.feasible != old.feasible:
         return new.feasible
     return new.merit < old.merit if new.feasible else new.violation < old.violation

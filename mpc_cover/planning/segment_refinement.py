@@ -1,7 +1,7 @@
-"""Shortening a long plan stretch by stretch: small QPs whose cost does not grow with the mission.
+"""Segment-wise refinement of a long plan by small QPs, whose cost does not grow with the length of the mission.
 
-A stretch begins and ends in the states of the plan around it and has to cover only what nothing else in the
-plan covers. Asked for the same in one sample less, it takes a sample off the whole plan.
+A segment begins and ends in the states of the plan around it and has to cover only what the rest of the plan does not.
+If the same is possible in one sample less, the whole plan becomes a sample shorter.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.boundary import Ends
-from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.constraints.boundary import BoundaryConditions
+from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.ocp import OCP
 from mpc_cover.planning.scp import evaluate, optimise
-from mpc_cover.planning.task import gentle
+from mpc_cover.planning.task import multi_look_options
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,12 +26,21 @@ if TYPE_CHECKING:
     from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
 
-_STAGES = (20.0, 40.0)
+SEGMENT_STEPS = 24
+"""Steps of a segment where a whole plan is refined; a plain choice."""
+_SHARPNESS = (20.0, 40.0)
+"""Sharpness of the soft minimum by stage (see `scp.SHARPNESS`): motions are good already. Plain choice."""
 _ITERATIONS = 2
+"""QPs per stage; a plain choice."""
+_LESS_VIOLATION = 0.8
+"""Part of the violation to which a segment that stays infeasible must reduce it to be accepted; a plain choice."""
 
 
 def resampled(velocity: FloatArray, steps: int) -> FloatArray:
-    """Return a motion's velocities (N+1, m, d) [m/s] played in `steps` samples: faster along the same path."""
+    """Return velocities (steps+1, m, d) [m/s] along the path of velocities (N+1, m, d) [m/s] in `steps` steps.
+
+    Speeds scale by N / steps, but for the first and the last velocity.
+    """
     old = velocity.shape[0] - 1
     place = np.linspace(0.0, old, steps + 1)
     low = np.minimum(place.astype(int), old - 1)
@@ -50,13 +59,12 @@ def refine_segments(
     length: int,
     passes: int,
     budget: Budget,
-    told: Callable[[int], None] | None = None,
+    on_progress: Callable[[int], None] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return a motion (positions [m], velocities [m/s]) that covers no less, repaired and shortened where it can be.
+    """Return a motion, positions [m] and velocities [m/s], that covers no less, repaired and shortened where possible.
 
-    Stretches of `length` samples are taken one after another, each beginning in the middle of the one before,
-    `passes` times or until a pass gains nothing. `told` hears of the
-    length after each stretch.
+    Segments of `length` steps are refined one after another, each beginning in the middle of the one before, in
+    `passes` passes or until a pass shortens nothing. `on_progress` is called with the number of steps after each.
     """
     position, velocity = motion
     for _ in range(passes):
@@ -65,32 +73,39 @@ def refine_segments(
             if budget.exhausted:
                 return position, velocity
             end = min(begin + length, velocity.shape[0] - 1)
-            position, velocity = _stretch(task, (position, velocity), backend, begin, end, budget)
+            position, velocity = _refined_segment(task, (position, velocity), backend, begin, end, budget)
             begin += length // 2
-            if told is not None:
-                told(velocity.shape[0] - 1)
+            if on_progress is not None:
+                on_progress(velocity.shape[0] - 1)
         if velocity.shape[0] == before:
             break
     return position, velocity
 
 
-def _stretch(
+def _refined_segment(
     task: Task, motion: tuple[FloatArray, FloatArray], backend: Backend, begin: int, end: int, budget: Budget
 ) -> tuple[FloatArray, FloatArray]:
-    """Replace samples `begin` to `end` by better ones, or by themselves.
+    """Return the motion with samples `begin` to `end` replaced by a better segment, or unchanged.
 
-    One less if that covers as much, else as many or one more that cover more or violate less.
+    A complete segment is replaced by one a step shorter, another one by one as long or a step longer that covers more
+    or violates less.
     """
     position, velocity = motion
-    owed = _left_by_others(task, position, begin, end)
+    demand = _left_by_others(task, position, begin, end)
     steps = end - begin
-    ocp = _ocp(task, motion, owed, begin, end, steps)
+    ocp = _ocp(task, motion, demand, begin, end, steps)
     now = evaluate(ocp, ocp.decision(position[begin], velocity[begin : end + 1]))
     for count in (steps - 1,) if now.complete else (steps, steps + 1):
-        ocp = _ocp(task, motion, owed, begin, end, count)
+        ocp = _ocp(task, motion, demand, begin, end, count)
         x = ocp.exact_ends(ocp.decision(position[begin], resampled(velocity[begin : end + 1], count)))
         found = optimise(
-            ocp, x, backend, sharpness=_STAGES, iterations=_ITERATIONS, budget=budget, **gentle(task.looks)
+            ocp,
+            x,
+            backend,
+            sharpness=_SHARPNESS,
+            iterations=_ITERATIONS,
+            budget=budget,
+            **multi_look_options(task.looks),
         )
         if _better(found, now, longer=count > steps):
             joined = np.concatenate([velocity[:begin], ocp.motion(found.x)[1], velocity[end + 1 :]])
@@ -100,9 +115,9 @@ def _stretch(
 
 
 def _better(new: SCPResult, old: SCPResult, *, longer: bool) -> bool:
-    """Feasible before complete before cheaper; a longer stretch must be worth its sample."""
+    """Return whether `new` is better: feasible, complete or of lower merit; merit alone justifies no longer one."""
     if not new.feasible:
-        return not old.feasible and new.violation < 0.8 * old.violation
+        return not old.feasible and new.violation < _LESS_VIOLATION * old.violation
     if not old.feasible or new.complete:
         return True
     return not longer and new.merit < old.merit
@@ -111,21 +126,22 @@ def _better(new: SCPResult, old: SCPResult, *, longer: bool) -> bool:
 def _ocp(
     task: Task,
     motion: tuple[FloatArray, FloatArray],
-    owed: tuple[FloatArray, IntArray | None],
+    demand: tuple[FloatArray, IntArray | None],
     begin: int,
     end: int,
     steps: int,
 ) -> OCP:
-    (position, velocity), (weight, looks) = motion, owed
+    """Return the OCP of the segment from `begin` to `end`, in so many steps."""
+    (position, velocity), (weight, looks) = motion, demand
     last = end == velocity.shape[0] - 1
-    ends = Ends(position[begin], velocity[begin], None if last else position[end], velocity[end])
+    ends = BoundaryConditions(position[begin], velocity[begin], None if last else position[end], velocity[end])
     return OCP(task.fleet, task.cell, weight, steps, task.period, ends, looks)
 
 
 def _left_by_others(task: Task, position: FloatArray, begin: int, end: int) -> tuple[FloatArray, IntArray | None]:
-    """Return weights and looks (J, K) of what only the samples inside a stretch bring, or nothing does."""
+    """Return weights and looks (J, K) of the demand that samples outside the segment do not cover."""
     others = np.concatenate([position[: begin + 1], position[end:]])
     if task.looks is None:
-        return still_owed(others, task.cell, task.fleet.radius, task.weight), None
+        return remaining_weight(others, task.cell, task.fleet.radius, task.weight), None
     looks = np.maximum(task.looks - look_counts(others, task.cell, task.fleet.radius), 0)
     return np.where(looks > 0, task.weight, 0.0), looks

@@ -1,4 +1,4 @@
-"""The slacks of a subproblem: their columns, their bounds, and what the iterate needs of them."""
+"""The slacks of a subproblem: their columns, bounds, and values at the iterate."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def with_edge_slacks(start: FloatArray, cones: SecondOrderCones, dimension: int) -> FloatArray:
-    """Return the start with the slacks that its too long edges need."""
+    """Return the starting point with the slacks that its edges beyond the range require."""
     value = (cones.h + cones.G @ start).reshape(-1, 1 + dimension)
     over = np.maximum(np.linalg.norm(value[:, 1:], axis=1) - value[:, 0], 0.0)
     top = (1 + dimension) * np.arange(over.size)
@@ -27,7 +27,7 @@ def with_edge_slacks(start: FloatArray, cones: SecondOrderCones, dimension: int)
 
 
 def number_slacks(blocks: list[Rows], first: int) -> tuple[list[Rows], int]:
-    """Give each elastic row an entry -1 in the column of its slack; return the rows and the number of slacks."""
+    """Return elastic rows with an entry -1 in the column of their slack, and the number of slacks."""
     numbered, used = [], 0
     for block in blocks:
         if block.elastic is None or block.count == 0:
@@ -47,13 +47,13 @@ def number_slacks(blocks: list[Rows], first: int) -> tuple[list[Rows], int]:
 
 
 def non_negative(first: int, slacks: int) -> Rows:
-    """Return s >= 0 for so many slacks from column `first` on."""
+    """Return the rows s >= 0 for so many slacks from column `first` on."""
     each = np.arange(slacks)
     return Rows(each, first + each, np.ones(slacks), np.zeros(slacks), np.full(slacks, np.inf))
 
 
 def slack_values(matrix: sp.csc_array[np.float64], upper: FloatArray, iterate: FloatArray, slacks: int) -> FloatArray:
-    """Return the smallest slacks that the iterate itself needs."""
+    """Return the smallest slacks (slacks,) with which the iterate satisfies all rows."""
     motion = np.concatenate([iterate, np.zeros(slacks)])
     over = np.maximum(matrix @ motion - upper, 0.0)
     column = matrix[:, iterate.size :].tocoo()

@@ -1,7 +1,7 @@
-"""The QP around an iterate: the majoriser's terms, the motion's rows, and what an answer means.
+"""The convex subproblem: a QP around an iterate with the majoriser's terms and all constraints.
 
-Columns: positions and velocities (`Layout`), one slack for each cell near the edge of coverage, one for
-each elastic row of separation and connectivity.
+Columns: positions and velocities (`constraints.rows.Layout`), one slack for each cell near the edge of coverage, one
+for each elastic row of separation, connectivity and passive safety.
 """
 
 from __future__ import annotations
@@ -35,12 +35,14 @@ if TYPE_CHECKING:
     from mpc_cover.planning.ocp import OCP, Requirements, Settings
 
 _NEGLIGIBLE = 1e-6
-"""Samples with a smaller share in a soft minimum are left out of its row: they only fill the factors."""
+"""Share in a soft minimum below which a sample is left out of its row: it would only fill the factors. Plain choice."""
+_SLACK_CURVATURE = 1e-8
+"""Quadratic cost of slacks, which makes the QP strictly convex in them; a plain choice, negligible in the optimum."""
 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """The majoriser as the QP sees it, around the iterate.
+    """The majoriser in the form of the QP, around the iterate.
 
     Attributes
     ----------
@@ -59,7 +61,7 @@ class Terms:
 
 
 def coverage_terms(layout: Layout, position: FloatArray, majoriser: Majoriser, radius: float) -> Terms:
-    """Split the majoriser's terms: far ones are linear, near ones get a slack, deep ones drop out."""
+    """Return the terms: those positive within the trust region are linear, those near 0 get slacks, others vanish."""
     samples = position.shape[0] * layout.agents
     reach = radius * np.abs(majoriser.slope).sum(axis=(1, 2))  # a term changes by at most this
     far = majoriser.level > reach
@@ -84,7 +86,7 @@ def coverage_terms(layout: Layout, position: FloatArray, majoriser: Majoriser, r
 
 
 def motion_rows(ocp: OCP, settings: Settings, layout: Layout, velocity: FloatArray) -> list[Rows]:
-    """Return the hard rows that every iterate satisfies: dynamics and limits."""
+    """Return the hard rows of dynamics and limits, which every iterate satisfies."""
     dynamics = dynamics_rows(layout, ocp.period)
     if settings.exact_cones:
         return [dynamics]
@@ -109,7 +111,7 @@ def pair_rows(
     fleet = ocp.fleet
     if fleet.size == 1:
         return []
-    pairs, between = pair_distances(*motion, ocp.period), _off_the_chord(fleet, ocp.period)
+    pairs, between = pair_distances(*motion, ocp.period), _chord_deviation(fleet, ocp.period)
     reach = 2.0 * radius * float(np.sqrt(layout.dimension))
     blocks = []
     if fleet.separation_min > 0.0:
@@ -123,24 +125,25 @@ def pair_rows(
     return blocks
 
 
-def _off_the_chord(fleet: FleetConstraints, period: float) -> FloatArray:
-    """Return (pairs,) what the distance of each pair may leave its chord by between samples, a_rel T_s^2 / 8 [m]."""
+def _chord_deviation(fleet: FleetConstraints, period: float) -> FloatArray:
+    """Return (pairs,) how much each distance may deviate from its chord between samples, a_rel T_s^2 / 8 [m]."""
     one, two = all_pairs(fleet.size)
     return np.asarray((fleet.input_max[one] + fleet.input_max[two]) * period**2 / 8.0)
 
 
-def stop_rows(
+def passive_safety_blocks(
     ocp: OCP, settings: Settings, layout: Layout, motion: tuple[FloatArray, FloatArray], radius: float
 ) -> list[Rows]:
-    """Return the elastic rows that leave room to stop around a motion, where the fleet asks for it."""
-    fleet, near = ocp.fleet, min(2.0 * radius, settings.stop_reach)
+    """Return the elastic rows of passive safety around a motion, where the fleet requires it."""
+    fleet, reach = ocp.fleet, min(2.0 * radius, settings.stop_reach)
     if fleet.reaction_periods == 0:
         return []
-    met = [
-        braking_encounters(*motion, ocp.period, fleet, moment, near) for moment in stop_instants(fleet.reaction_periods)
+    encounters = [
+        braking_encounters(*motion, ocp.period, fleet, moment, reach)
+        for moment in stop_instants(fleet.reaction_periods)
     ]
-    rows = [passive_safety_rows(layout, *motion, ocp.period, fleet, found) for found in met]
-    rows.append(box_overshoot_rows(layout, *motion, fleet, near, ocp.first))
+    rows = [passive_safety_rows(layout, *motion, ocp.period, fleet, found) for found in encounters]
+    rows.append(box_overshoot_rows(layout, *motion, fleet, reach, ocp.first))
     return [block for block in rows if block.count]
 
 
@@ -152,7 +155,7 @@ def motion_cones(
     motion: tuple[FloatArray, FloatArray],
     radius: float,
 ) -> list[Cones]:
-    """Return limits and edges as cones, where the settings ask for them; the edges' come last and have slacks."""
+    """Return limits and edges as cones, where the settings require them; those of edges come last and have slacks."""
     if not settings.exact_cones:
         return []
     fleet, shrink = ocp.fleet, settings.margins.limit_share
@@ -161,7 +164,7 @@ def motion_cones(
         input_cones(layout, shrink * fleet.input_max, ocp.period),
     ]
     if fleet.size > 1 and np.isfinite(fleet.communication_range):
-        pairs, slack = pair_distances(*motion, ocp.period), 0.5 * float(_off_the_chord(fleet, ocp.period).max())
+        pairs, slack = pair_distances(*motion, ocp.period), 0.5 * float(_chord_deviation(fleet, ocp.period).max())
         reach = 2.0 * radius * float(np.sqrt(layout.dimension))
         blocks.append(edge_cones(layout, pairs, required.range, slack, reach, fleet, ocp.first))
     return blocks
@@ -173,13 +176,13 @@ def build_subproblem(ocp: OCP, settings: Settings, required: Requirements, x: Fl
     position, velocity = ocp.motion(x)
     majoriser = build_majoriser(position, ocp.cell, ocp.fleet.radius, ocp.weight, settings.softness, ocp.looks)
     terms = coverage_terms(layout, position, majoriser, radius)
-    # between samples a coordinate leaves its chord by at most u T_s^2 / 8
+    # between samples a coordinate deviates from its chord by at most u T_s^2 / 8
     between = (ocp.fleet.input_max * ocp.period**2 / 8.0)[:, None]
     box = (ocp.fleet.motion_min + between, ocp.fleet.motion_max - between)
     hard = motion_rows(ocp, settings, layout, velocity)
     hard += bound_rows(layout, position, box, radius, ocp.ends, ocp.fleet.lost)
     elastic = pair_rows(ocp, settings, required, layout, (position, velocity), radius)
-    elastic += stop_rows(ocp, settings, layout, (position, velocity), radius)
+    elastic += passive_safety_blocks(ocp, settings, layout, (position, velocity), radius)
     soft, slacks = number_slacks([terms.rows, *elastic], layout.size)
     cones = motion_cones(ocp, settings, required, layout, (position, velocity), radius)
     edge_slack, slacks = layout.size + slacks, slacks + sum(int((block.slack >= 0).sum()) for block in cones)
@@ -199,17 +202,17 @@ def build_subproblem(ocp: OCP, settings: Settings, required: Requirements, x: Fl
 def _cost(
     layout: Layout, terms: Terms, iterate: FloatArray, slack_cost: FloatArray, proximal: float
 ) -> tuple[sp.csc_array[np.float64], FloatArray]:
-    """Return P (upper triangle) and q: terms, proximal weight around the iterate, slacks."""
+    """Return P (upper triangle) and q of the QP: coverage terms, proximal term around the iterate, slacks."""
     size, dimension = layout.size, layout.dimension
     blocks = terms.curvature + proximal * np.eye(dimension)
-    pulled = np.einsum("nab,nb->na", blocks, iterate[: layout.half].reshape(-1, dimension))
-    linear = np.concatenate([(terms.linear - pulled).ravel(), -proximal * iterate[layout.half :], slack_cost])
+    centred = np.einsum("nab,nb->na", blocks, iterate[: layout.half].reshape(-1, dimension))
+    linear = np.concatenate([(terms.linear - centred).ravel(), -proximal * iterate[layout.half :], slack_cost])
     first = dimension * np.arange(blocks.shape[0])
     above, right = np.triu_indices(dimension)
     row = np.concatenate([(first[:, None] + above).ravel(), np.arange(layout.half, size + slack_cost.size)])
     column = np.concatenate([(first[:, None] + right).ravel(), np.arange(layout.half, size + slack_cost.size)])
     value = np.concatenate(
-        [blocks[:, above, right].ravel(), np.full(layout.half, proximal), np.full(slack_cost.size, 1e-8)]
+        [blocks[:, above, right].ravel(), np.full(layout.half, proximal), np.full(slack_cost.size, _SLACK_CURVATURE)]
     )
     total = size + slack_cost.size
     quadratic = sp.csc_array((value, (row, column)), shape=(total, total))
@@ -218,6 +221,8 @@ def _cost(
 
 
 def _model(ocp: OCP, layout: Layout, qp: QP, start: FloatArray, weight: float) -> ConvexModel:
+    """Return the QP with its maps back to decision vectors, predicted decreases and step lengths."""
+
     def cost(point: FloatArray) -> float:
         product = qp.P @ point
         diagonal = qp.P.diagonal() * point

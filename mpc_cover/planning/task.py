@@ -1,4 +1,4 @@
-"""What is to be planned: where something is owed, from where, and how the motion ends."""
+"""A planning task: the demand, the initial state and the terminal condition, for plans of any length."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpc_cover.constraints.boundary import Ends
-from mpc_cover.coverage.nearest import still_owed
+from mpc_cover.constraints.boundary import BoundaryConditions
+from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 from mpc_cover.planning.ocp import OCP
+from mpc_cover.planning.scp import REFINEMENT_REGION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,47 +25,56 @@ if TYPE_CHECKING:
 
 
 class End(StrEnum):
-    """How a motion ends (3.15)."""
+    """The terminal condition of a motion (3.15)."""
 
     REST = "rest"
-    """At rest anywhere."""
+    """At rest at any position."""
     FREE = "free"
+    """In any state."""
     FIXED = "fixed"
-    """At rest at a given place."""
+    """At rest at a given position."""
     CLOSED = "closed"
-    """In the state of the start."""
+    """In the initial state."""
 
 
-AT_ONCE = 3
-"""Looks at a cell that fast passes bring in one lap: with four agents planning takes twice as long for each more."""
+_STEPS_MARGIN = 2
+"""Steps beyond those that braking takes, so that a plan has a choice; a plain choice."""
+LOOKS_PER_LAP = 3
+"""Looks at a cell that plans at full speed are required to take in one lap. With four agents each further look doubles
+the planning time, as observed."""
+_MANY_LOOKS_REGION, _MANY_LOOKS_SAMPLES = 0.25, 3
+"""First trust radius in sensing radii, and samples per soft minimum, of QPs for many looks, which are dense. Plain
+choices."""
 
 
 def needs_laps(looks: IntArray | None) -> bool:
-    """Return whether so many looks (J, K) are owed that plans which pass by as fast as they can need several laps."""
-    return looks is not None and int(looks.max(initial=0)) > AT_ONCE
+    """Return whether so many looks (J, K) are outstanding that plans at full speed need several laps."""
+    return looks is not None and int(looks.max(initial=0)) > LOOKS_PER_LAP
 
 
-def gentle(looks: IntArray | None) -> dict[str, Any]:
-    """Return how far a QP may move samples, and how many of them share a look: those of many looks are dense."""
-    return {"region": 0.25, "count": 3} if needs_laps(looks) else {"region": 0.5}
+def multi_look_options(looks: IntArray | None) -> dict[str, Any]:
+    """Return the options of `scp.optimise` that refinements with these looks (J, K) use."""
+    if needs_laps(looks):
+        return {"region": _MANY_LOOKS_REGION, "count": _MANY_LOOKS_SAMPLES}
+    return {"region": REFINEMENT_REGION}
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What is to be covered, and from where.
+    """The demand to cover, from an initial state to a terminal condition.
 
     Attributes
     ----------
-    fleet : limits, radii, ranges.
+    fleet : limits, sensing radii, ranges.
     cell : (K, d) [m].
-    weight : (J, K) gamma.
+    weight : (J, K) gamma of the demand, 0 where there is none.
     position, velocity : (m, d) [m], [m/s].
     start_time : mission time of sample 0 [s].
     period : T_s [s].
-    start_free : whether plans may start elsewhere; `position` is then a hint.
-    end : how the motion ends.
+    start_free : whether the initial state is free; `position` is then a hint.
+    end : the terminal condition.
     goal : (m, d) [m], for a fixed end.
-    looks : (J, K) looks owed; None for one each.
+    looks : (J, K) demanded looks; None for one each.
     on_iterate : see `OCP`.
     """
 
@@ -83,13 +93,13 @@ class Task:
 
     @property
     def least_steps(self) -> int:
-        """The fewest steps in which whoever moves can stop."""
+        """The fewest steps in which all agents can stop, with a margin."""
         speed = np.linalg.norm(self.velocity, axis=1)
-        return int(np.ceil(float((speed / self.fleet.input_max).max()) / self.period)) + 2
+        return int(np.ceil(float((speed / self.fleet.input_max).max()) / self.period)) + _STEPS_MARGIN
 
     def ocp(self, steps: int) -> OCP:
-        """Return the stretch of `steps` samples with the ends that are asked for."""
-        ends = Ends(
+        """Return the OCP of so many steps with the boundary conditions of the task."""
+        ends = BoundaryConditions(
             start_position=None if self.start_free else self.position,
             start_velocity=None if self.start_free else self.velocity,
             end_position=self.goal if self.end is End.FIXED else None,
@@ -98,17 +108,18 @@ class Task:
         )
         return OCP(self.fleet, self.cell, self.weight, steps, self.period, ends, self.looks, self.on_iterate)
 
-    def owed_after(self, plan: Trajectory) -> FloatArray:
-        """Return the weights (J, K) of what a plan's samples leave over; of several looks owed, all are to be taken."""
+    def remaining_after(self, plan: Trajectory) -> FloatArray:
+        """Return the weights (J, K) that remain after a plan; of several demanded looks, all must be taken."""
         if self.looks is not None:
-            enough = look_counts(plan.position, self.cell, self.fleet.radius) >= self.looks
-            return np.where(enough, 0.0, self.weight)
-        return still_owed(plan.position, self.cell, self.fleet.radius, self.weight)
+            sufficient = look_counts(plan.position, self.cell, self.fleet.radius) >= self.looks
+            return np.where(sufficient, 0.0, self.weight)
+        return remaining_weight(plan.position, self.cell, self.fleet.radius, self.weight)
 
     def flown(self, guess: Guess, steps: int | None) -> Trajectory:
-        """Fly a guess from the start, or from where it begins if that is free, to the end that is asked for.
+        """Return the motion of a guess from the initial state, or from its first waypoints if that is free.
 
-        In so many `steps`, or as many as it takes. A guess that is a motion keeps its own timing.
+        It satisfies the terminal condition, in so many `steps`, or as many as it takes. A guess that is a motion is
+        returned as it is.
         """
         if guess.motion is not None:
             return guess.motion

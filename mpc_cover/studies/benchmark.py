@@ -13,12 +13,12 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
-from mpc_cover import __version__
 from mpc_cover.errors import UserError
 from mpc_cover.studies.case import Guess, make_case, start_from
 from mpc_cover.studies.peers.registry import OURS, chosen
 from mpc_cover.studies.race import Limit, Run, race
 from mpc_cover.studies.verdict import TOLERANCE, judge
+from mpc_cover.version import __version__
 from mpc_cover.view.benchmark import Curve, Row, draw_history
 
 if TYPE_CHECKING:

@@ -67,7 +67,7 @@ def _plan(
     mission = _plannable(name)
     begun = time.perf_counter()
     with _profiled(console, wanted=profile), console.status(f"{mission.spec.name}: plans"):
-        trajectory = plan_mission(mission, options, told=lambda line: console.print(line, highlight=False))
+        trajectory = plan_mission(mission, options, on_progress=lambda line: console.print(line, highlight=False))
     seconds = time.perf_counter() - begun
     save_trajectory(trajectory, file)
     report = check_trajectory(trajectory)

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from mpc_cover import __version__
+from mpc_cover.version import __version__
 
 LEVELS = tuple(0.5 * step for step in range(201))
 """Parts of the cells [%] for which a record has the times at which they were covered."""

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from mpc_cover import __version__
 from mpc_cover.errors import UserError
 from mpc_cover.studies.record import Record, columns, row_of
+from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

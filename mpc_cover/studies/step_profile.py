@@ -38,9 +38,9 @@ PLACES = {
         "control.constraint_relaxation:MotionBounds.keeps_mixed",
     ),
     "splicing": (
-        "control.receding_horizon:spliced",
+        "control.plan_improvement:spliced",
         "control.receding_horizon:best_proposal",
-        "control.receding_horizon:RecedingHorizon._left_by",
+        "control.demand_allocation:DemandAllocation.left",
     ),
 }
 """The timed functions by the names of parts: "module:attribute", modules within mpc_cover unless of the solvers."""

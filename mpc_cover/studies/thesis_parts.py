@@ -130,7 +130,7 @@ def _offline(part: Part, folder: Path, seed: int) -> PartResult:
     from mpc_cover.view.figures import draw_run  # noqa: PLC0415 - likewise
 
     mission = load_mission(str(part.mission))
-    trajectory = plan_mission(mission, PlanOptions(seed=seed), told=lambda _: None)
+    trajectory = plan_mission(mission, PlanOptions(seed=seed), on_progress=lambda _: None)
     report = check_trajectory(trajectory)
     summary = summarise(trajectory, report)
     files = [path.name for path in draw_run(trajectory, folder, None, report)]

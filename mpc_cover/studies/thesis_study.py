@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from mpc_cover import __version__
 from mpc_cover.errors import UserError
 from mpc_cover.mission.load import load_mission
 from mpc_cover.studies.thesis_page import thesis_page
 from mpc_cover.studies.thesis_parts import Part, PartResult, all_parts
 from mpc_cover.studies.thesis_seeds import SeedTally, run_seeds, tally
+from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -1,8 +1,7 @@
-"""What every back-end does alike: the guards around a native solver, and the judgement of its result.
+"""The base class of QP back-ends: validation and error handling around a native solver, acceptance of its results.
 
-A back-end fills in `_setup`, `_update`, `_warm_start` and `_solve`; all that is known to go wrong around
-native solvers is dealt with here, once. The life of a back-end: `setup` once, then any number of
-`update`, `warm_start`, `solve`.
+A back-end implements `_setup`, `_update`, `_warm_start` and `_solve`; known failure modes of native solvers are handled
+here, once. Usage: `setup` once, then any number of `update`, `warm_start` and `solve`.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 import numpy as np
 
-from solvers.backends.judgement import JUDGED, RawSolution, judge
+from solvers.backends.acceptance import OVERRULABLE, RawSolution, accepted_status
 from solvers.backends.options import Options
 from solvers.checks import (
     InvalidQPError,
@@ -41,17 +40,17 @@ __all__ = ["Backend", "BackendStateError", "Options", "RawSolution"]
 
 
 class BackendStateError(RuntimeError):
-    """`update`, `warm_start` or `solve` before `setup`."""
+    """`update`, `warm_start` or `solve` was called before `setup`."""
 
 
 class Backend(ABC):
-    """One native QP solver holding one problem whose values, but not its pattern, may change.
+    """One native QP solver that holds one problem, whose values, but not its sparsity pattern, may change.
 
     Each class declares its `name` in the registry and its `capabilities`.
 
     Parameters
     ----------
-    clock: monotonic seconds; handed in so that a test can replace it.
+    clock: monotonic time [s].
     """
 
     name: ClassVar[str]
@@ -70,13 +69,13 @@ class Backend(ABC):
 
     @property
     def qp(self) -> QP:
-        """The current data; read them, and change them through `update` only."""
+        """The current data; change them only through `update`."""
         if self._qp is None:
             raise BackendStateError(f"{self.name}: call setup() first")
         return self._qp
 
     def setup(self, qp: QP, options: Options | None = None) -> None:
-        """Take a new problem; its values are copied, its pattern is kept.
+        """Take a new problem; its values are copied, its pattern is shared.
 
         A native failure is not raised here: the next `solve` reports it.
 
@@ -97,11 +96,11 @@ class Backend(ABC):
         self._build(begun)
 
     def load(self, qp: QP, options: Options | None = None) -> bool:
-        """Take a problem by `update` if its pattern, cones and options are the present ones, else by `setup`.
+        """Take a problem, by `update` if its pattern, cones and options are the current ones, else by `setup`.
 
         Returns
         -------
-        Whether it took a set-up.
+        Whether a set-up was needed.
         """
         old = self._qp
         if old is None or (options or Options()) != self._options or not old.same_pattern(qp):
@@ -142,9 +141,9 @@ class Backend(ABC):
             check_bounds(qp.l if l is None else l, qp.u if u is None else u, qp.m)
         for name, values in new.items():
             np.copyto(current[name], values)
-        qp.open_up()
+        qp.normalise_bounds()
         if self._ready and new:
-            # False: the change does not fit the native pattern; the next solve sets up anew
+            # False: the change does not fit the native pattern; the next solve sets up again
             self._ready = self._attempt(lambda: self._update(qp, frozenset(new))) is True
 
     def warm_start(self, x: NDArray[np.float64], y: NDArray[np.float64] | None = None) -> None:
@@ -152,7 +151,7 @@ class Backend(ABC):
 
         Raises
         ------
-        InvalidQPError: for wrong shapes, or numbers that are not finite (they would poison OSQP).
+        InvalidQPError: for wrong shapes or non-finite values, which OSQP would carry into later solves.
         """
         check_finite("x", x, self.qp.n)
         if y is not None:
@@ -167,7 +166,7 @@ class Backend(ABC):
         Parameters
         ----------
         time_limit_s: wall time [s], None for no limit. The first solve after `setup` counts it from the
-            beginning of that `setup`; if nothing is left, the warm start comes back with `TIME_LIMIT`.
+            beginning of that `setup`; if no time is left, the warm start is returned with `TIME_LIMIT`.
         """
         qp = self.qp
         begun = self._clock()
@@ -177,19 +176,19 @@ class Backend(ABC):
         self._pending_since = None
         setup_time_s, self._setup_time_s = self._setup_time_s, 0.0
         if not self._ready:
-            return self._nothing(Status.NUMERICAL_ERROR, setup_time_s, self._failure)
+            return self._unsolved(Status.NUMERICAL_ERROR, setup_time_s, self._failure)
         solving = self._clock()
         left_s = None if time_limit_s is None else time_limit_s - (solving - origin)
         if left_s is not None and not left_s > 0.0:
-            return self._nothing(Status.TIME_LIMIT, setup_time_s, "nothing left of the time limit after set-up")
+            return self._unsolved(Status.TIME_LIMIT, setup_time_s, "no time left after set-up")
         raw = self._attempt(lambda: self._solve(left_s))
         solve_time_s = self._clock() - solving
         if raw is None:
             self._forget()
             return replace(
-                self._nothing(Status.NUMERICAL_ERROR, setup_time_s, self._failure), solve_time_s=solve_time_s
+                self._unsolved(Status.NUMERICAL_ERROR, setup_time_s, self._failure), solve_time_s=solve_time_s
             )
-        return self._judge(qp, raw, setup_time_s, solve_time_s)
+        return self._accepted(qp, raw, setup_time_s, solve_time_s)
 
     @abstractmethod
     def _setup(self, qp: QP, options: Options) -> None:
@@ -197,18 +196,18 @@ class Backend(ABC):
 
     @abstractmethod
     def _update(self, qp: QP, changed: frozenset[str]) -> bool:
-        """Hand the changed fields to the native solver; False asks for a new set-up instead."""
+        """Pass the changed fields to the native solver; False requests a new set-up instead."""
 
     @abstractmethod
     def _warm_start(self, x: NDArray[np.float64], y: NDArray[np.float64] | None) -> bool:
-        """Hand over a starting point; return whether it had an effect."""
+        """Pass a starting point to the native solver; return whether it had an effect."""
 
     @abstractmethod
     def _solve(self, left_s: float | None) -> RawSolution:
         """Solve within `left_s` > 0 seconds."""
 
     def _build(self, begun: float) -> None:
-        """Set the native solver up from the current data; `_ready` tells whether it worked."""
+        """Set up the native solver with the current data; `_ready` is whether that succeeded."""
         qp, start = self.qp, self._start
         self._ready = self._attempt(lambda: (self._setup(qp, self._options), True)) is not None
         if self._ready and start is not None:
@@ -216,34 +215,34 @@ class Backend(ABC):
         self._setup_time_s += self._clock() - begun
 
     def _attempt(self, call: Callable[[], T]) -> T | None:
-        """Return the result of a native call, or None (keeping the reason) if it raised."""
+        """Return the result of a native call, or None, with the reason in `_failure`, if it raised."""
         try:
             return call()
         except (KeyboardInterrupt, SystemExit):
             raise
-        except BaseException as error:  # noqa: BLE001 - a Rust panic is no Exception
+        except BaseException as error:  # noqa: BLE001 - a Rust panic is not an Exception
             self._failure = repr(error)
             return None
 
-    def _judge(self, qp: QP, raw: RawSolution, setup_time_s: float, solve_time_s: float) -> QPSolution:
-        """Decide the status by the residuals on the current data."""
+    def _accepted(self, qp: QP, raw: RawSolution, setup_time_s: float, solve_time_s: float) -> QPSolution:
+        """Return the solution with the status that its residuals on the current data warrant."""
         residuals = kkt_residuals(qp, raw.x, raw.y, raw.cone_dual)
-        status = judge(raw, residuals, self._options.acceptance)
+        status = accepted_status(raw, residuals, self._options.acceptance)
         if status in {Status.NUMERICAL_ERROR, Status.NON_CONVEX}:
             self._forget()
-        elif status in JUDGED:
+        elif status in OVERRULABLE:
             self._start = (raw.x, raw.y)
         return QPSolution(
             raw.x, raw.y, status, residuals, raw.iterations, setup_time_s, solve_time_s, raw.cone_dual, raw.detail
         )
 
     def _forget(self) -> None:
-        """Drop the warm start and the native solver: what broke down once poisons what follows."""
+        """Discard the warm start and the native solver, whose state may be corrupt after a failure."""
         self._start = None
         self._ready = False
 
-    def _nothing(self, status: Status, setup_time_s: float, detail: str) -> QPSolution:
-        """Return the warm start, or zeros, as the result of a solve that did not take place."""
+    def _unsolved(self, status: Status, setup_time_s: float, detail: str) -> QPSolution:
+        """Return the warm start, or zeros, as the solution of a solve that did not take place."""
         x, y = self._start or (np.zeros(self.qp.n), None)
         y = np.zeros(self.qp.m) if y is None else y
         return QPSolution(x, y, status, kkt_residuals(self.qp, x, y), 0, setup_time_s, 0.0, None, detail)

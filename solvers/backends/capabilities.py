@@ -1,7 +1,7 @@
-"""What a back-end can do and what that costs: callers ask for this, never for its name.
+"""Capabilities and costs of a back-end, by which callers decide instead of by its name.
 
-Every number is measured, not guessed, on the QPs of the mission box-3 (27 samples, three agents, 64-bit, one thread
-on a core at 2.5 GHz or so), from the plans that six guesses lead to; each back-end's file gives the figures.
+All numbers are measured, on the QPs of the mission box-3 (27 samples, three agents, 64-bit, one thread on a core at
+about 2.5 GHz) in refining plans from six initial guesses; each back-end's module gives the figures.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a back-end can do and what that costs.
+    """Capabilities and costs of a back-end.
 
     Attributes
     ----------
     second_order_cones: whether it takes a `QP` with cones.
-    inexact: the loosest tolerance that does for subproblems far from the solution of an SQP.
-    fine: the loosest tolerance from which on a tighter one makes the SQP's solution no better.
-    accurate: the tightest tolerance that it reaches on every QP within its default number of iterations, and in
+    inexact: the loosest tolerance that suffices for subproblems far from the solution of an SQP.
+    fine: the loosest tolerance beyond which a tighter one no longer improves the SQP's solution.
+    accurate: the tightest tolerance that it reaches on every QP within its default number of iterations and in
         reasonable time.
-    entry_iteration_s: seconds that an iteration takes for each stored entry of A.
+    entry_iteration_s: time of an iteration per stored entry of A [s].
     """
 
     second_order_cones: bool
@@ -31,7 +31,7 @@ class Capabilities:
     entry_iteration_s: float
 
     def __post_init__(self) -> None:
-        """Raise `ValueError` for numbers that mean nothing, or tolerances in the wrong order."""
+        """Raise `ValueError` for non-positive numbers, or tolerances in the wrong order."""
         if not 0.0 < self.accurate <= self.fine <= self.inexact < math.inf:
             raise ValueError(f"0 < accurate <= fine <= inexact is wanted, got {self}")
         if not 0.0 < self.entry_iteration_s < math.inf:

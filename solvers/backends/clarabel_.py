@@ -1,12 +1,12 @@
-"""Clarabel: an interior-point method; accurate, knows second-order cones, cannot be warm-started.
+"""Clarabel: an interior-point method; accurate, supports second-order cones, cannot be warm-started.
 
 l <= A x <= u becomes A_c x + s = b with s in a product of cones: zero for the equalities, nonnegative for
 each finite side, then the second-order cones of the problem as they are. The split is fixed at set-up.
 
-Guarded here (clarabel 0.11.1): updates in place need presolve, chordal decomposition and the dropping of
+Workarounds (clarabel 0.11.1): updates in place need presolve, chordal decomposition and the dropping of
 zeros switched off; its own time limit counts the set-up again at every solve, so a callback between its
-iterations watches the deadline instead; x is finite after a NumericalError; keywords that `update` does
-not know are printed and ignored.
+iterations checks the deadline instead; x is finite after a NumericalError; unknown keywords of `update`
+are printed and ignored.
 """
 
 from __future__ import annotations
@@ -31,9 +31,10 @@ if TYPE_CHECKING:
     from solvers.qp import QP
 
 MAX_ITERATIONS = 200
+"""Clarabel's own default."""
 
 CAPABILITIES = Capabilities(second_order_cones=True, inexact=1e-3, fine=1e-4, accurate=1e-9, entry_iteration_s=1.6e-7)
-"""Measured as `capabilities` says. Mean J of the refined plans, by tolerance: 1e-2 5.27 m, 1e-3 5.12 m, 1e-4 4.98 m,
+"""Measured as in `capabilities`. Mean J of the refined plans, by tolerance: 1e-2 5.27 m, 1e-3 5.12 m, 1e-4 4.98 m,
 1e-6 4.99 m; in 0.38, 0.86, 1.27, 1.57 s, where 1e-3 is for early stages only. All of 72 accurate QPs are solved to
 1e-10 yet, and 1e-9 takes no longer than 1e-6. An iteration takes 1.3e-7 to 2.0e-7 s an entry."""
 
@@ -57,14 +58,14 @@ STATUS: Mapping[str, Status] = MappingProxyType(
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where the rows of the problem went."""
+    """The positions of the problem's rows in the native layout."""
 
     kinds: NDArray[np.uint8]
     equal: NDArray[np.intp]
     upper: NDArray[np.intp]
     lower: NDArray[np.intp]
     stack: StackedRows
-    cone_data: NDArray[np.float64]  # of G, behind that of A
+    cone_data: NDArray[np.float64]  # of G, after that of A
     cone_h: NDArray[np.float64]
 
     def right_hand_side(self, qp: QP) -> NDArray[np.float64]:
@@ -171,7 +172,7 @@ def _settings(options: Options) -> Any:
     settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = options.tolerance
     settings.max_threads = 1
     settings.direct_solve_method = "qdldl"
-    # each of these would forbid, or silently change the meaning of, updates in place
+    # each of these would prevent updates in place, or silently change their meaning
     settings.presolve_enable = False
     settings.chordal_decomposition_enable = False
     settings.input_sparse_dropzeros = False

@@ -1,4 +1,4 @@
-"""What a caller may ask of any back-end."""
+"""Options common to all back-ends."""
 
 from __future__ import annotations
 
@@ -7,15 +7,18 @@ from dataclasses import dataclass
 
 from solvers.residuals import Tolerances
 
+_ACCEPTANCE_FACTOR = 10.0
+"""Residuals up to this multiple of the tolerance count as solved: solvers scale their own differently. Plain choice."""
+
 
 @dataclass(frozen=True)
 class Options:
-    """What a caller may ask of any back-end.
+    """Options common to all back-ends.
 
     Attributes
     ----------
     tolerance: eps_abs = eps_rel of the native solver.
-    max_iterations: None for the default of the back-end's file.
+    max_iterations: None for the default of the back-end's module.
     accept: residuals that count as solved; None for ten times `tolerance`, absolute and relative.
     verbose: let the native solver print.
     """
@@ -26,7 +29,7 @@ class Options:
     verbose: bool = False
 
     def __post_init__(self) -> None:
-        """Raise `ValueError` for options that no solver can meet."""
+        """Raise `ValueError` for inconsistent options."""
         if not (math.isfinite(self.tolerance) and self.tolerance > 0.0):
             raise ValueError(f"tolerance must be positive and finite, got {self.tolerance}")
         if self.max_iterations is not None and self.max_iterations < 1:
@@ -35,4 +38,4 @@ class Options:
     @property
     def acceptance(self) -> Tolerances:
         """The residuals that count as solved."""
-        return self.accept or Tolerances(10.0 * self.tolerance, 10.0 * self.tolerance)
+        return self.accept or Tolerances(_ACCEPTANCE_FACTOR * self.tolerance, _ACCEPTANCE_FACTOR * self.tolerance)

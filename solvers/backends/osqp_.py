@@ -1,11 +1,11 @@
 """OSQP: operator splitting; low accuracy is cheap and it can be warm-started.
 
-Guarded here (osqp 1.1.3): a keyword that `update` does not know is ignored in silence (its names are Px, Ax,
-q, l, u); a matrix that `update` refuses shows in what it prints only, and the next solve is then wrong;
+Workarounds (osqp 1.1.3): an unknown keyword of `update` is silently ignored (its names are Px, Ax,
+q, l, u); the rejection of a matrix by `update` shows only in its printed output, and the next solve is then wrong;
 `update` writes into the matrices given to `setup`; infeasible problems come with a finite x (the
 bits of a NaN read as an integer, 2143289344.0); the time limit leaves out everything before `solve`, but
-counts the set-up against it. The base class keeps l > u and NaN away, which OSQP answers with the old
-bounds and with a poisoned warm start.
+counts the set-up against it. The base class rejects l > u and NaN, after which OSQP would keep the old
+bounds or a corrupt warm start.
 """
 
 from __future__ import annotations
@@ -31,10 +31,12 @@ if TYPE_CHECKING:
     from solvers.qp import QP
 
 MAX_ITERATIONS = 10_000
-NO_LIMIT_S = 1e10  # OSQP's own default
+"""A plain choice, 2.5 times OSQP's default."""
+NO_LIMIT_S = 1e10
+"""OSQP's own default time limit [s]."""
 
 CAPABILITIES = Capabilities(second_order_cones=False, inexact=1e-3, fine=1e-3, accurate=1e-5, entry_iteration_s=5.7e-9)
-"""Measured as `capabilities` says. Mean J of the refined plans, by tolerance: 1e-2 5.25 m, 1e-3 4.99 m, 1e-4 4.97 m,
+"""Measured as in `capabilities`. Mean J of the refined plans, by tolerance: 1e-2 5.25 m, 1e-3 4.99 m, 1e-4 4.97 m,
 1e-6 4.98 m; in 0.36, 0.83, 1.34, 8.35 s. All of 65 accurate QPs are solved to 1e-5, 68 of 72 to 1e-6, in 1.5 and
 4.0 s. An iteration takes 4.7e-9 to 8.2e-9 s an entry."""
 
@@ -58,7 +60,7 @@ WITHOUT_X = frozenset({Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE, Status.
 
 
 class OSQPRefusalError(RuntimeError):
-    """What OSQP printed when it refused its data, say because P is not positive semi-definite."""
+    """The output of OSQP when it rejects its data, for example because P is not positive semi-definite."""
 
 
 @final
@@ -70,12 +72,12 @@ class OSQPBackend(Backend):
 
     _native: Any = None
     _native_limit_s = NO_LIMIT_S
-    _counted_s = 0.0  # what OSQP will count against the limit of the next solve
+    _counted_s = 0.0  # time that OSQP will count against the limit of the next solve
 
     def _setup(self, qp: QP, options: Options) -> None:
         begun = self._clock()
         native = osqp.OSQP(algebra="builtin")
-        with contextlib.nullcontext() if options.verbose else _complaints():
+        with contextlib.nullcontext() if options.verbose else _printed_errors():
             native.setup(
                 native_csc(qp.P),
                 qp.q,
@@ -98,7 +100,7 @@ class OSQPBackend(Backend):
                 vectors |= {"l": qp.l, "u": qp.u}
             self._native.update(**vectors)
         if matrices := {f"{name}x": getattr(qp, name).data for name in sorted(changed & {"P", "A"})}:
-            with _complaints():
+            with _printed_errors():
                 self._native.update(**matrices)
         self._counted_s += self._clock() - begun
         return True
@@ -123,8 +125,8 @@ class OSQPBackend(Backend):
 
 
 @contextlib.contextmanager
-def _complaints() -> Iterator[None]:
-    """Raise what OSQP prints (through sys.stdout): of a refused matrix update it is the only sign."""
+def _printed_errors() -> Iterator[None]:
+    """Raise what OSQP prints to sys.stdout, the only indication of a rejected matrix update."""
     error: Exception | None = None
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         try:

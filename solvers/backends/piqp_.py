@@ -2,9 +2,9 @@
 
 l <= A x <= u is split into equalities A_e x = b and the rest h_l <= G x <= h_u; the split is fixed at set-up.
 
-Guarded here (piqp 0.7.0): a row without bounds is zeroed in G for good (and a notice printed), so that it
-stays free after an update gives it a bound: free rows are left out, and a change of kind sets up anew. There
-is no time limit: the iterations are capped by what is left over the measured time of one.
+Workarounds (piqp 0.7.0): a row without bounds is zeroed in G permanently (and a notice printed), so that it
+stays free after an update gives it a bound: free rows are left out, and a change of kind causes a new set-up. There
+is no time limit: the number of iterations is bounded by the time left over the measured time of one.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ if TYPE_CHECKING:
     from solvers.qp import QP
 
 MAX_ITERATIONS = 250
+"""PIQP's own default."""
 
 CAPABILITIES = Capabilities(second_order_cones=False, inexact=1e-3, fine=1e-4, accurate=1e-9, entry_iteration_s=6.8e-8)
-"""Measured as `capabilities` says. Mean J of the refined plans, by tolerance: 1e-2 5.31 m, 1e-3 5.16 m, 1e-4 4.97 m,
+"""Measured as in `capabilities`. Mean J of the refined plans, by tolerance: 1e-2 5.31 m, 1e-3 5.16 m, 1e-4 4.97 m,
 1e-6 4.98 m; in 0.22, 0.37, 0.84, 0.94 s, where 1e-3 is for early stages only. All of 72 accurate QPs are solved to
 1e-10 yet, and 1e-9 takes no longer than 1e-6. An iteration takes 4.8e-8 to 1.0e-7 s an entry."""
 
@@ -51,7 +52,7 @@ STATUS: Mapping[str, Status] = MappingProxyType(
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where the rows of the problem went."""
+    """The positions of the problem's rows in the native layout."""
 
     kinds: NDArray[np.uint8]
     equal: NDArray[np.intp]
@@ -126,21 +127,21 @@ class PIQPBackend(Backend):
             return self._run(most, Status.MAX_ITERATIONS)
         begun = self._clock()
         if self._iteration_s is None:
-            # nothing known of the pace yet: one iteration tells (it is done again below)
+            # the time of an iteration is not known yet: one is run to measure it (and repeated below)
             self._run(1, Status.TIME_LIMIT)
         left_s -= self._clock() - begun
-        pace = self._iteration_s or 0.0
-        affordable = most if pace <= 0.0 else int(min(left_s / pace, most))
+        each_s = self._iteration_s or 0.0
+        affordable = most if each_s <= 0.0 else int(min(left_s / each_s, most))
         if left_s <= 0.0 or affordable < 1:
             return self._result(Status.TIME_LIMIT, "no time for an iteration")
         return self._run(affordable, Status.MAX_ITERATIONS if affordable == most else Status.TIME_LIMIT)
 
     def _run(self, iterations: int, at_the_limit: Status) -> RawSolution:
-        """Solve with a cap on the iterations; reaching it has the meaning that is handed in."""
+        """Solve within a number of iterations; reaching it yields the status `at_the_limit`."""
         self._native.settings.max_iter = iterations
         begun = self._clock()
         name = self._native.solve().name
-        # beside its iterations a solve factorises once for its starting point
+        # in addition to its iterations a solve factorises once for its starting point
         self._iteration_s = (self._clock() - begun) / (int(self._native.result.info.iter) + 1)
         status = STATUS.get(name, Status.UNKNOWN)
         return self._result(at_the_limit if status is Status.MAX_ITERATIONS else status, name)

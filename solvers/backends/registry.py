@@ -1,4 +1,4 @@
-"""The back-ends by name; each is imported when first asked for, since agents must start fast."""
+"""The back-ends by name; each is imported on first use, so that processes without a solver start fast."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PLACES = MappingProxyType(
 
 
 class UnknownBackendError(ValueError):
-    """A name that is no back-end's; the message lists those that are."""
+    """An unknown back-end name; the message lists the known ones."""
 
 
 class _Backends(Mapping[str, "type[Backend]"]):

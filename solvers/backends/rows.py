@@ -1,4 +1,4 @@
-"""Sorting the rows l <= A x <= u by kind, and stacking some of them into another solver's layout."""
+"""Classification of the rows l <= A x <= u, and conversion to the layouts of native solvers."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 UPPER, LOWER, EQUAL = 1, 2, 4
+"""Kinds of rows, as flags: finite upper bound, finite lower bound; equality."""
 
 
 def row_kinds(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -32,8 +33,8 @@ class StackedRows:
     Attributes
     ----------
     matrix: the stack; `refresh` writes into its data.
-    source: for each of its entries the place in the data of the matrix it came from.
-    sign: +1 or -1 for each of its entries.
+    source: for each entry, its index in the data of the original matrices.
+    sign: +1 or -1 for each entry.
     """
 
     matrix: sp.csc_matrix[np.float64]
@@ -41,15 +42,15 @@ class StackedRows:
     sign: NDArray[np.float64]
 
     def refresh(self, data: NDArray[np.float64]) -> None:
-        """Take the values from `data`, the data of the original matrices one behind the other."""
-        # mode="clip" spares numpy the buffered copy that its default needs to be able to raise
+        """Take the values from `data`, the concatenated data of the original matrices."""
+        # mode="clip" avoids the buffered copy of the default, which must be able to raise
         np.take(data, self.source, out=self.matrix.data, mode="clip")
         self.matrix.data *= self.sign
 
 
 @dataclass(frozen=True)
 class Block:
-    """Some rows of a matrix, times a sign; `offset` is where its values begin in the data for `refresh`."""
+    """Some rows of a matrix, times a sign; `offset` is the index of its first value in the data for `refresh`."""
 
     matrix: sp.csc_array[np.float64]
     rows: NDArray[np.intp]
@@ -58,7 +59,7 @@ class Block:
 
 
 def stack_rows(blocks: Sequence[Block], data: NDArray[np.float64]) -> StackedRows:
-    """Return block under block, with the values of `data`."""
+    """Return the blocks stacked vertically, with the values of `data`."""
     width = blocks[0].matrix.shape[1]
     rows, columns, sources, signs = [], [], [], []
     height = 0
@@ -73,7 +74,7 @@ def stack_rows(blocks: Sequence[Block], data: NDArray[np.float64]) -> StackedRow
         height += block.rows.size
     row, column = np.concatenate(rows), np.concatenate(columns)
     order = np.lexsort((row, column))
-    # int32 indices are what the native layouts hold: anything else is converted at every call
+    # native layouts hold int32 indices: others would be converted at every call
     indptr = np.concatenate(([0], np.cumsum(np.bincount(column, minlength=width)))).astype(np.int32)
     entries = (np.empty(row.size), row[order].astype(np.int32), indptr)
     stacked = sp.csc_matrix(entries, shape=(height, width))
@@ -83,7 +84,7 @@ def stack_rows(blocks: Sequence[Block], data: NDArray[np.float64]) -> StackedRow
 
 
 def native_csc(matrix: sp.csc_array[np.float64]) -> sp.csc_matrix[np.float64]:
-    """Return a csc_matrix with int32 indices that shares the data (native bindings know no csc_array)."""
+    """Return a csc_matrix with int32 indices that shares the data (native bindings do not accept csc_array)."""
     return sp.csc_matrix(
         (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)), shape=matrix.shape
     )

@@ -11,7 +11,7 @@ from mpc_cover.constraints.local_tree import (
     kept_by_both,
     kept_by_either,
     local_choices,
-    spare_choices,
+    redundant_choices,
 )
 
 
@@ -155,7 +155,7 @@ def test_spare_edges_hold_the_tree_without_any_one_agent():
         position = random_positions(rng)
         agents, reach = len(position), float(rng.uniform(0.5, 4.0))
         weight = distances(position)
-        chosen = spare_choices(weight, reach)
+        chosen = redundant_choices(weight, reach)
         kept = edges_of(kept_by_both(chosen))
         assert edges_of(kept_by_both(local_choices(weight, reach))) <= kept
         for lost in range(agents):
@@ -167,8 +167,8 @@ def test_spare_edges_of_a_neighbourhood_are_those_of_the_fleet():
     for _ in range(100):
         position = random_positions(rng)
         weight, reach = distances(position), float(rng.uniform(0.5, 4.0))
-        whole = spare_choices(weight, reach)
+        whole = redundant_choices(weight, reach)
         for i in range(len(position)):
             near = [j for j in range(len(position)) if j == i or weight[i, j] <= reach]
-            own = spare_choices(weight[np.ix_(near, near)], reach)[near.index(i)]
+            own = redundant_choices(weight[np.ix_(near, near)], reach)[near.index(i)]
             assert [near[k] for k in np.flatnonzero(own)] == np.flatnonzero(whole[i]).tolist()

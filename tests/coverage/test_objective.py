@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from motions import grid, random_motion
 
-from mpc_cover.coverage.nearest import nearest_samples, pairwise_distance
+from mpc_cover.coverage.nearest import nearest_samples
 from mpc_cover.coverage.objective import coverage_cost
 
 
@@ -49,21 +49,6 @@ def test_it_equals_brute_force(seed, dimension, magnitudes):
             best = min(np.linalg.norm(q - p) - radius[i, j] for sample in position for i, q in enumerate(sample))
             expected += weight[j, k] * max(best, 0.0)
     assert coverage_cost(position, cell, radius, weight) == pytest.approx(expected)
-
-
-def test_fewer_samples_than_asked_for_are_padded_with_never():
-    position = np.array([[[0.0, 0.0], [1.0, 0.0]]])
-    radius = np.array([[1.0, 1.0], [1.0, -np.inf]])
-    nearest = nearest_samples(position, np.array([[2.0, 0.0]]), radius, np.ones((2, 1)), 6)
-    assert nearest.sample.shape == (2, 6)
-    assert np.sort(nearest.excess[0])[:2] == pytest.approx([0.0, 1.0])
-    assert np.sort(nearest.excess[1])[1] > 1e8
-
-
-def test_pairwise_distance_is_the_euclidean_one():
-    rng = np.random.default_rng(0)
-    a, b = rng.normal(size=(5, 3)), rng.normal(size=(4, 3))
-    assert pairwise_distance(a, b) == pytest.approx(np.linalg.norm(a[:, None] - b[None], axis=2))
 
 
 @given(seed=st.integers(0, 10**6), most=st.integers(1, 5))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from mission_kinds import mission_with
 
 from mpc_cover.information.coverage_map import CoverageMap
 from mpc_cover.mission.load import load_mission
@@ -44,3 +45,12 @@ def test_a_position_that_is_not_a_number_measures_nothing():
     coverage = CoverageMap(load_mission("box-3"))
     coverage.observe(0.0, np.full((3, 2), np.nan))
     assert coverage.fraction == 0.0
+
+
+def test_the_margin_of_the_map_is_the_noise_unless_it_is_given():
+    mission = mission_with(None, radius=0.9, noise=0.2)
+    marked = []
+    for coverage in (CoverageMap(mission), CoverageMap(mission, margin_m=0.0)):
+        coverage.observe(0.0, mission.fleet.start)
+        marked.append(coverage.covered_count)
+    assert marked[0] < marked[1]

@@ -6,17 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpc_cover.mission.config import Disturbance
-from mpc_cover.model.disturbance import Weather, disturbs_motion, in_ball, saturated
+from mpc_cover.model.disturbance import AgentDisturbance, disturbs_motion, sample_ball, saturated_acceleration
 
 
 def weather(seed=(0, 0), dimension=2, **given_):
-    return Weather(Disturbance(**given_), dimension, np.inf, seed)
+    return AgentDisturbance(Disturbance(**given_), dimension, np.inf, seed)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_draws_fill_the_ball_evenly(dimension):
     random = np.random.default_rng(0)
-    draws = np.array([in_ball(random, 0.1, dimension) for _ in range(4000)])
+    draws = np.array([sample_ball(random, 0.1, dimension) for _ in range(4000)])
     radius = np.linalg.norm(draws, axis=1)
     assert radius.max() <= 0.1
     assert np.abs(draws.mean(axis=0)).max() < 0.005
@@ -62,7 +62,7 @@ pairs = st.tuples(st.floats(-2, 2), st.floats(-2, 2)).map(np.array)
 @given(pairs, pairs, st.floats(1e-3, 1.0), st.floats(0.1, 1.5))
 def test_a_slow_agent_keeps_its_speed_and_asks_for_no_more_input(velocity, force, duration, speed_max):
     velocity = velocity * min(1.0, speed_max / max(np.linalg.norm(velocity), 1e-9))
-    real = saturated(velocity, force, duration, speed_max)
+    real = saturated_acceleration(velocity, force, duration, speed_max)
     assert np.linalg.norm(real) <= np.linalg.norm(force) * (1 + 1e-9) + 1e-9
     for part in (0.3, 0.7, 1.0):
         assert np.linalg.norm(velocity + part * duration * real) <= speed_max * (1 + 1e-9)
@@ -70,5 +70,5 @@ def test_a_slow_agent_keeps_its_speed_and_asks_for_no_more_input(velocity, force
 
 def test_within_its_speed_nothing_changes():
     force = np.array([0.3, -0.2])
-    assert saturated(np.zeros(2), force, 0.1, 1.0) is force
-    assert saturated(np.zeros(2), force, 0.1, np.inf) is force
+    assert saturated_acceleration(np.zeros(2), force, 0.1, 1.0) is force
+    assert saturated_acceleration(np.zeros(2), force, 0.1, np.inf) is force

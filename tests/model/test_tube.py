@@ -8,9 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpc_cover.mission.load import Mission, build_mission
-from mpc_cover.model.tube import Bounds, Gains, Tube, closed_loop, gains_of, placed, tracking_of, tube, tube_of
+from mpc_cover.model.tube import (
+    DisturbanceBounds,
+    Gains,
+    Tube,
+    closed_loop,
+    gains_of,
+    place_poles,
+    tracking_of,
+    tube,
+    tube_of,
+)
 
-TYPICAL = Bounds(position_noise_m=0.02, input_noise_m_per_s2=0.05, wind_m_per_s2=0.1, state_period_s=0.1)
+TYPICAL = DisturbanceBounds(position_noise_m=0.02, input_noise_m_per_s2=0.05, wind_m_per_s2=0.1, state_period_s=0.1)
 
 
 def mission(**disturbance) -> Mission:
@@ -30,7 +40,7 @@ def mission(**disturbance) -> Mission:
 TYPICAL_MISSION = mission(position_noise_m=0.02, input_noise_m_per_s2=0.05, wind_m_per_s2=[0.06, 0.08])
 
 
-def flown(bounds: Bounds, gains: Gains, noise, gust, wind):
+def flown(bounds: DisturbanceBounds, gains: Gains, noise, gust, wind):
     """Return the largest |e_q|, |e_v|, |extra input| of errors driven by (samples, runs, d) noise and gusts."""
     h = bounds.state_period_s
     position = np.zeros(noise.shape[1:])
@@ -67,10 +77,12 @@ def test_ten_thousand_random_flights_stay_inside(dimension):
     assert (flown(TYPICAL, gains, noise, gust, wind) <= as_array(tube(TYPICAL, gains))).all()
 
 
-@pytest.mark.parametrize("bounds", [TYPICAL, Bounds(0.05, 0.0, 0.0, 0.1), Bounds(0.0, 0.1, 0.4, 0.5)])
+@pytest.mark.parametrize(
+    "bounds", [TYPICAL, DisturbanceBounds(0.05, 0.0, 0.0, 0.1), DisturbanceBounds(0.0, 0.1, 0.4, 0.5)]
+)
 def test_extreme_disturbances_stay_inside(bounds):
     """All corners: constant ones, and those that change sides at every frequency."""
-    gains = placed(0.6, 0.9, bounds.state_period_s)
+    gains = place_poles(0.6, 0.9, bounds.state_period_s)
     samples = np.arange(400)
     sides = [np.ones(400), *(np.sign(np.sin(2 * np.pi * samples / length + 1e-3)) for length in range(2, 120, 3))]
     corners = np.array([sign * side for side in sides for sign in (1.0, -1.0)]).T  # (400, runs)
@@ -85,13 +97,13 @@ def test_extreme_disturbances_stay_inside(bounds):
 @pytest.mark.parametrize("row", [0, 1])
 def test_the_worst_case_comes_as_near_as_rounding(row):
     """Against disturbances that are chosen with foresight the bound is attained: it is not loose."""
-    gains = placed(0.6, 0.9, TYPICAL.state_period_s)
+    gains = place_poles(0.6, 0.9, TYPICAL.state_period_s)
     matrix, entry = closed_loop(gains, TYPICAL.state_period_s)
     kernel = [np.linalg.matrix_power(matrix, j) @ entry for j in range(300)]
     sign = np.sign([state[row] for state in kernel][::-1])[:, None, None] * [1.0, 0.0]
     noise, gust = -TYPICAL.position_noise_m * sign, TYPICAL.input_noise_m_per_s2 * sign
     reached = flown(TYPICAL, gains, noise, gust, np.zeros(2))[row]
-    calm = tube(Bounds(0.02, 0.05, 0.0, 0.1), gains)
+    calm = tube(DisturbanceBounds(0.02, 0.05, 0.0, 0.1), gains)
     assert reached <= as_array(calm)[row]
     assert reached >= 0.98 * as_array(calm)[row]
 
@@ -99,8 +111,8 @@ def test_the_worst_case_comes_as_near_as_rounding(row):
 @settings(max_examples=40, deadline=None)
 @given(st.floats(0, 0.1), st.floats(0, 0.3), st.floats(0, 0.3), st.sampled_from([0.05, 0.1, 0.5]), st.integers(0, 99))
 def test_any_bounds(noise_m, gust, wind, period, seed):
-    bounds, random = Bounds(noise_m, gust, wind, period), np.random.default_rng(seed)
-    gains = placed(0.7, 0.8, period)
+    bounds, random = DisturbanceBounds(noise_m, gust, wind, period), np.random.default_rng(seed)
+    gains = place_poles(0.7, 0.8, period)
     shape = (80, 20, 2)
     noise, push = in_balls(random, shape, noise_m), in_balls(random, shape, gust)
     size = as_array(tube(bounds, gains))
@@ -118,12 +130,15 @@ def test_the_tube_grows_with_each_bound():
 
 
 def test_gains_place_the_poles_where_they_are_asked_for():
-    matrix, _ = closed_loop(placed(0.3, 0.8, 0.1), 0.1)
+    matrix, _ = closed_loop(place_poles(0.3, 0.8, 0.1), 0.1)
     np.testing.assert_allclose(sorted(np.linalg.eigvals(matrix).real), [0.3, 0.8], atol=1e-9)
 
 
 def test_the_gains_of_a_mission_cost_less_than_others():
-    best, others = tube(TYPICAL, gains_of(TYPICAL_MISSION)), [tube(TYPICAL, placed(p, p, 0.1)) for p in (0.2, 0.5, 0.9)]
+    best, others = (
+        tube(TYPICAL, gains_of(TYPICAL_MISSION)),
+        [tube(TYPICAL, place_poles(p, p, 0.1)) for p in (0.2, 0.5, 0.9)],
+    )
 
     def cost(size):
         return (2 * size.position_m / 1.0) + size.velocity_m_per_s / 1.5 + size.input_m_per_s2 / 1.5
@@ -143,6 +158,6 @@ def test_what_is_measured_may_be_off_by_the_noise_as_well():
     tracking = tracking_of(TYPICAL_MISSION)
     inside = tracking.tube.position_m + 0.02
     still = np.zeros(2)
-    assert tracking.keeps(np.array([inside, 0.0]), still, 1e-9)
-    assert not tracking.keeps(np.array([inside + 0.001, 0.0]), still, 1e-9)
-    assert not tracking.keeps(still, np.array([0.0, tracking.tube.velocity_m_per_s + 0.001]), 1e-9)
+    assert tracking.contains(np.array([inside, 0.0]), still, 1e-9)
+    assert not tracking.contains(np.array([inside + 0.001, 0.0]), still, 1e-9)
+    assert not tracking.contains(still, np.array([0.0, tracking.tube.velocity_m_per_s + 0.001]), 1e-9)

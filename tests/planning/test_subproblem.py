@@ -7,12 +7,12 @@ import pytest
 from flights import fleet_of
 from motions import PERIOD, grid, random_window, replace, settings
 
-from mpc_cover.constraints.boundary import Ends
+from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.constraints.box_overshoot import box_overshoot
 from mpc_cover.constraints.passive_safety import braking_encounters, stop_instants
 from mpc_cover.planning.coverage_nlp import CoverageNLP
+from mpc_cover.planning.cvxpy_reference import build_cvxpy_subproblem
 from mpc_cover.planning.ocp import OCP, requirements
-from mpc_cover.planning.reference import build_reference
 from mpc_cover.planning.subproblem import build_subproblem
 from solvers.backends.base import Options
 from solvers.backends.registry import make_backend
@@ -31,7 +31,7 @@ def window_of(start, velocity, **changes):
     """Return a window of a fleet that flies a motion (N+1, m, d) [m/s] between walls, and its decision vector."""
     walls = {"motion_min": np.zeros(2), "motion_max": np.full(2, 8.0)}
     fleet = fleet_of(start, **{"separation_min": 0.5, "communication_range": 3.0, **walls, **changes})
-    cell, ends = grid(8), Ends(start, velocity[0], None, velocity[-1])
+    cell, ends = grid(8), BoundaryConditions(start, velocity[0], None, velocity[-1])
     weight = np.random.default_rng(len(start)).uniform(0.2, 2.0, (fleet.radius.shape[1], cell.shape[0]))
     ocp = OCP(fleet, cell, weight, len(velocity) - 1, PERIOD, ends)
     return ocp, ocp.decision(start, velocity)
@@ -58,7 +58,7 @@ def optima(ocp, x, *, chosen=None, backend="clarabel", radius=0.6):
     """Return the optimal values of the assembled QP and of the reference; both have the same value at the iterate."""
     chosen = chosen or settings()
     required = requirements(ocp, chosen.margins)
-    reference, here = (build_reference(ocp, chosen, required, x, radius) for _ in range(2))
+    reference, here = (build_cvxpy_subproblem(ocp, chosen, required, x, radius) for _ in range(2))
     position, velocity = ocp.motion(x)
     here.constraints += [q == bar for q, bar in zip(here.position, position, strict=True)]
     here.constraints += [v == bar for v, bar in zip(here.velocity, velocity, strict=True)]
@@ -76,8 +76,8 @@ def with_ends(ocp, x, kind):
     ends = {
         "rest": ocp.ends,
         "fixed": replace(ocp.ends, end_position=position[-1], end_velocity=velocity[-1]),
-        "free": Ends(),
-        "closed": Ends(closed=True),
+        "free": BoundaryConditions(),
+        "closed": BoundaryConditions(closed=True),
     }
     return replace(ocp, ends=ends[kind])
 
@@ -107,7 +107,7 @@ def test_it_has_the_same_optimum_as_the_reference_formulation(backend, seed, age
     solution = solver.solve()
     assert solution.ok, solution.status
     merit = CoverageNLP(ocp, chosen).measure(x).merit(chosen.penalty)
-    expected = build_reference(ocp, chosen, required, x, 0.6).solve()
+    expected = build_cvxpy_subproblem(ocp, chosen, required, x, 0.6).solve()
     assert merit - model.predicted(solution.x) == pytest.approx(expected, rel=CLOSE[backend])
 
 
@@ -148,10 +148,10 @@ def test_with_room_to_stop_before_walls_it_has_the_same_optimum_as_the_reference
     [
         {"lost": (1,)},
         {"lost": (0, 2)},
-        {"lost": (1,), "reaction": 2.1},
+        {"lost": (1,), "reaction_periods": 2.1},
         {"links": ((0, 2),)},
-        {"apart": {(0, 1): 0.2}},
-        {"input_max": np.array([1.0, 2.5, 1.5]), "speed_max": np.array([1.2, 1.4, 1.6]), "reaction": 2.0},
+        {"pair_separation": {(0, 1): 0.2}},
+        {"input_max": np.array([1.0, 2.5, 1.5]), "speed_max": np.array([1.2, 1.4, 1.6]), "reaction_periods": 2.0},
         {"input_max": np.array([1.0, 2.5, 1.5])},
         {"radius": np.array([[1.0, -np.inf], [0.7, 1.2], [-np.inf, 0.9]])},
     ],
@@ -185,7 +185,7 @@ def test_with_exact_cones_it_has_the_same_optimum_as_the_reference_and_a_better_
         assert solution.ok, solution.status
         merit = CoverageNLP(ocp, chosen).measure(x).merit(chosen.penalty)
         merits.append(merit - model.predicted(solution.x))
-        assert merits[-1] == pytest.approx(build_reference(ocp, chosen, required, x, 0.6).solve(), rel=1e-4)
+        assert merits[-1] == pytest.approx(build_cvxpy_subproblem(ocp, chosen, required, x, 0.6).solve(), rel=1e-4)
     assert merits[0] <= merits[1] + 1e-6
 
 

@@ -1,5 +1,6 @@
 import pytest
-from service_fakes import Bench, SweepLaw, small_mission
+from service_fakes import Bench, small_mission
+from sweep_laws import StraightSweepLaw
 
 
 @pytest.fixture
@@ -14,4 +15,9 @@ def bench(mission):
 
 @pytest.fixture
 def law(mission):
-    return SweepLaw(mission)
+    return StraightSweepLaw(mission)
+
+
+@pytest.fixture
+def fleet(bench):
+    return [bench.agent("a1"), bench.agent("a2")]

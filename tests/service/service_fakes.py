@@ -1,39 +1,22 @@
-"""A small mission and a simple brain: sweeps in straight lines, no optimisation, exact on the grid."""
+"""A small mission, and a bench on which agents and controllers are ticked on a virtual clock."""
 
 import time
-from dataclasses import dataclass
-from enum import Enum, auto
 from threading import Event
 
 import numpy as np
 
 from mpc_cover.clock import VirtualClock
-from mpc_cover.information.coverage_map import CoverageMap
 from mpc_cover.mission.load import Mission, build_mission
 from mpc_cover.model.motion import roll_out
-from mpc_cover.model.trajectory import Trajectory
+from mpc_cover.planning.budget import Budget
 from mpc_cover.service.agent.agent import Agent
 from mpc_cover.service.agent.recorder import MemoryRecorder
 from mpc_cover.service.agent.schedule import predict
 from mpc_cover.service.controller.controller import Controller
-from mpc_cover.service.protocol.decoding import decode_event, decode_state
+from mpc_cover.service.protocol.decoding import decode_event, decode_plan, decode_state, decode_status
 from mpc_cover.service.protocol.keys import Keys
 from mpc_cover.service.protocol.local import LocalBus
 from mpc_cover.service.protocol.messages import PlanMessage
-
-
-class FakeRung(Enum):
-    NEW = auto()
-    BRAKE = auto()
-
-
-@dataclass(frozen=True)
-class FakeResult:
-    plan: Trajectory
-    plan_source: Enum = FakeRung.NEW
-    reason: str = ""
-    computing_time_s: float = 0.001
-    deadline_missed: bool = False
 
 
 def small_mission(height=4.0, *, disturbance=None, reach=3.0, **control) -> Mission:
@@ -54,80 +37,6 @@ def small_mission(height=4.0, *, disturbance=None, reach=3.0, **control) -> Miss
     return build_mission(raw, "small")
 
 
-class SweepLaw:
-    """Goes straight up to `goal_y` [m] from wherever it is, then down again should anything be owed."""
-
-    def __init__(self, mission: Mission, goal_y: float = 3.5) -> None:
-        self.mission = mission
-        self.goal_y = goal_y
-        self.up = True
-        self.coverage = CoverageMap(mission)
-        self.calls: list[tuple[str, float, float | None]] = []
-        self.predicted: list[tuple[np.ndarray, np.ndarray]] = []
-        self.raises: Exception | None = None
-
-    def prepare(self, position, velocity, start_time, *, deadline):
-        return self._plan("prepare", position, velocity, start_time, deadline)
-
-    def step(self, position, velocity, start_time, *, deadline):
-        self.predicted.append((position.copy(), velocity.copy()))
-        return self._plan("step", position, velocity, start_time, deadline)
-
-    def _plan(self, kind, position, velocity, start_time, deadline):
-        self.calls.append((kind, start_time, deadline))
-        if self.raises:
-            raise self.raises
-        if not velocity.any() and not self._climb(position[0], velocity[0], 8, 0.5).any():
-            self.up = not self.up
-        steps, period = self.mission.spec.control.horizon_steps, self.mission.spec.control.period_s
-        force = np.stack([self._climb(q, v, steps, period) for q, v in zip(position, velocity, strict=True)], axis=1)
-        positions, velocities = roll_out(position, velocity, force, period)
-        return FakeResult(Trajectory.even(start_time, period, positions, velocities, force))
-
-    def _climb(self, position, velocity, steps, period):
-        """Accelerate for `up` steps, coast, then brake: the first of few such profiles that does not overshoot."""
-        rest = np.zeros((steps, len(position)))
-        if self.coverage.complete and np.abs(velocity).max() < 1e-12:
-            return rest
-        for up in (2, 1, 0):
-            for coast in range(steps, -1, -1):
-                profile = self._profile(position, velocity, up, coast, steps, period)
-                if profile is not None:
-                    return profile
-        return rest
-
-    def _profile(self, position, velocity, up, coast, steps, period):
-        sign = 1.0 if self.up else -1.0
-        peak = velocity + np.array([0.0, 0.4 * up * sign])
-        if np.linalg.norm(peak) > 1.0 + 1e-9:
-            return None
-        down = int(np.ceil(np.linalg.norm(peak) / (0.9 * period) - 1e-9))
-        if up + coast + down > steps:
-            return None
-        force = np.zeros((steps, len(position)))
-        force[:up] = np.array([0.0, 0.4 * sign / period])
-        if down:
-            force[up + coast : up + coast + down] = -peak / (down * period)
-        q, _ = roll_out(position[None], velocity[None], force[:, None], period)
-        inside = q[:, 0, 1].min() >= 0.5 - 1e-9 and q[:, 0, 1].max() <= self.goal_y + 1e-9
-        return force if inside else None
-
-
-class SharingBrain(SweepLaw):
-    """A sweep that is told who is lost and who is slow; plans for the lost are never sent."""
-
-    def __init__(self, mission: Mission, goal_y: float = 3.5) -> None:
-        super().__init__(mission, goal_y)
-        self.lost: list[list[bool]] = []
-        self.parts: list[tuple[int, float]] = []
-
-    def set_lost(self, lost):
-        self.lost.append(lost.tolist())
-
-    def limit_speed(self, index, part):
-        self.parts.append((index, part))
-
-
 class Bench:
     """A clock, a bus, and ticks of whoever takes part, each when it is due."""
 
@@ -142,12 +51,14 @@ class Bench:
         self.said: list[str] = []
         self._ears = {}
         self._never = Event()
+        for pattern in (self.keys.status, *map(self.keys.plan, mission.fleet.ids)):
+            self.hear(pattern)  # from the beginning
 
-    def agent(self, name="a1", *, instance=None, clock=None, seed=0) -> Agent:
+    def agent(self, name="a1", *, mission=None, instance=None, clock=None, seed=0) -> Agent:
         self.records[name] = MemoryRecorder()
         self.transports[name] = self.bus.join()
         agent = Agent(
-            self.mission,
+            mission or self.mission,
             name,
             self.transports[name],
             clock or self.clock,
@@ -166,7 +77,7 @@ class Bench:
         self.transports[agent.id].close()
 
     def controller(self, law, **options) -> Controller:
-        options = {"deadlines": False, "say": self.said.append, **options}
+        options = {"budget_of": Budget.counted, "say": self.said.append, **options}
         controller = Controller(self.mission, law, self.bus.join(), self.clock, **options)
         controller.startup()
         return controller
@@ -184,6 +95,17 @@ class Bench:
         items = [*self.hear(self.keys.controller_event).drain(), *self.hear(self.keys.agent_event()).drain()]
         return [decode_event(item.payload) for item in items]
 
+    def plans(self, name="a1"):
+        """Return the plans sent to an agent since last asked, decoded: each is one that the agent could read."""
+        return [decode_plan(item.payload, 2) for item in self.hear(self.keys.plan(name)).drain()]
+
+    def statuses(self):
+        return [decode_status(item.payload) for item in self.hear(self.keys.status).drain()]
+
+    def wait_until(self, time_s: float) -> None:
+        """Let time pass without a tick of anyone: all are stopped."""
+        self.clock.wait_until(time_s, self._never)
+
     def run(self, *controllers, until=None, seconds=60.0, after=None) -> None:
         """Tick in the order in which ticks are due, agents first, until `until()` holds or time is up."""
         end = self.clock.now() + seconds
@@ -192,7 +114,7 @@ class Bench:
             due = min(participants, key=lambda participant: participant.next_time)
             if due.next_time > end + 1e-9 or (until and until()):
                 return
-            self.clock.wait_until(due.next_time, self._never)
+            self.wait_until(due.next_time)
             due.tick()
             if after:
                 after(due)
@@ -228,3 +150,18 @@ def until(condition, seconds=20.0, every=0.01):
         assert time.monotonic() < deadline, "it did not come about"
         waiting.wait(every)
     return result
+
+
+class CheckpointsInMemory:
+    """Keeps the newest snapshot; `problem` is what goes wrong with each, if anything."""
+
+    def __init__(self, problem=None):
+        self.kept = None
+        self._problem = problem
+
+    def save(self, snapshot, *, now):
+        self.kept = snapshot
+        return self._problem
+
+    def close(self):
+        pass

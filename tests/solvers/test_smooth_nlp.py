@@ -11,7 +11,7 @@ from smooth_nlp import Functions, SmoothNLP
 
 from solvers.backends.options import Options
 from solvers.backends.registry import make_backend
-from solvers.nlp import LearnsFromSteps
+from solvers.nlp import StepObserver
 
 HS71 = BY_NUMBER[71]
 LINE = Functions(lambda x: float(x[0]), lambda _x: np.ones(1))
@@ -148,7 +148,7 @@ def test_a_step_that_the_maratos_effect_would_reject_is_corrected(backend_name: 
 
 
 def test_it_hears_of_steps() -> None:
-    assert isinstance(SmoothNLP(LINE, 1), LearnsFromSteps)
+    assert isinstance(SmoothNLP(LINE, 1), StepObserver)
 
 
 def test_a_jacobian_without_its_function() -> None:

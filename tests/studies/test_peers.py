@@ -7,6 +7,7 @@ import pytest
 from bench_missions import far_sighted_mission, small_mission
 
 from mpc_cover.errors import UserError
+from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.planner import Planner
 from mpc_cover.studies.case import GUESSES, make_case, start_from
@@ -90,7 +91,8 @@ def test_ours_is_the_planner_itself_from_the_one_guess(guess):
     mission = small_mission({"duration_s": 6.0})
     answer, seen, case = solved("ours-piqp", mission, guess=guess)
     assert seen[-1].verdict.complete
-    plain = Planner("piqp").fixed(case.task, case.ocp.steps, Search(rounds=20), None, given={"": seen[0].x})
+    search, given = Search(rounds=20), {"": seen[0].x}
+    plain = Planner("piqp").fixed(case.task, case.ocp.steps, search, Budget.unlimited(), given=given)
     position, velocity = case.ocp.motion(answer.x)
     assert plain.complete
     assert np.array_equal(plain.plan.velocity, velocity)

@@ -7,7 +7,10 @@ import pytest
 from study_fixtures import TINY, tiny, tiny_run
 
 from mpc_cover.errors import UserError
+from mpc_cover.information.build import make_map
 from mpc_cover.mission.load import build_mission, load_mission
+from mpc_cover.model.fleet_state import FleetState
+from mpc_cover.planning.budget import Budget
 from mpc_cover.service.run.swarm_simulate import fly_swarm
 from mpc_cover.studies.controllers import CONTROLLERS, check_flight, controller_of, run_flight
 from mpc_cover.studies.sweep import SweepLaw, without_coordination
@@ -102,7 +105,8 @@ def test_strips_go_by_ability_and_speed():
     raw = {**TINY, "magnitudes": ["gas", "heat"], "fleet": {**TINY["fleet"], "agents": agents, "defaults": defaults}}
     mission = build_mission(raw, "test")
     law = SweepLaw(mission)
-    law.prepare(mission.fleet.start, np.zeros((3, 2)), 0.0, deadline=None)
+    at_rest = FleetState.nominal(mission.fleet.start, np.zeros((3, 2)), 0.0, settled=True)
+    law.step(at_rest, make_map(mission), Budget.unlimited())
     own = np.array([strip.own.sum(axis=1) for strip in law.strips])
     assert own.tolist() == [[12, 0], [24, 0], [0, 36]]
 

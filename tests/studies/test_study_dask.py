@@ -95,7 +95,7 @@ def test_without_dask_the_error_says_how_to_get_it(monkeypatch):
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "", "x://y:1"])
 def test_nobody_at_the_address_is_a_clear_error(address):
-    pytest.importorskip("distributed")
+    pytest.importorskip("dask.distributed")
     crew = DaskExecutor(address, timeout_s=0.2)
     with pytest.raises(UserError, match=f"--dask {address}: no Dask scheduler answers there: "), crew:
         pass
@@ -103,7 +103,7 @@ def test_nobody_at_the_address_is_a_clear_error(address):
 
 @pytest.mark.slow
 def test_a_real_cluster_flies():
-    distributed = pytest.importorskip("distributed")
+    distributed = pytest.importorskip("dask.distributed")
     runs = [tiny_run(seed=seed) for seed in range(3)]
     with (
         distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,

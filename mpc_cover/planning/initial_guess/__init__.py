@@ -1,1 +1,1 @@
-"""First guesses of a motion: each module yields trajectories that the optimiser starts from."""
+"""Initial guesses for trajectory optimisation: each module yields motions from which the solver starts."""

@@ -1,4 +1,4 @@
-"""Boustrophedon sweeps: lanes a sensing disc wide, shared out as strips, as one cut snake, or abreast like a comb."""
+"""Boustrophedon sweeps: lanes one swath wide, divided into strips, as one cut path (snake), or flown abreast (comb)."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
 from mpc_cover.planning.initial_guess.lanes import (
     Swath,
     assign,
+    assign_pieces,
     comb,
     cut_lanes,
     cut_snake,
@@ -20,7 +21,6 @@ from mpc_cover.planning.initial_guess.lanes import (
     snake,
     strips,
     swath_of,
-    take_pieces,
 )
 
 if TYPE_CHECKING:
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 
 
 class Boustrophedon:
-    """Sweeps of everything owed, to and fro along each axis.
+    """Back-and-forth sweeps of the whole demand along each axis.
 
     Parameters
     ----------
-    slow : for many looks in one pass: lanes overlap, and reach into corners.
+    slow : for many looks in a single pass: lanes overlap and reach into corners.
     """
 
     def __init__(self, *, slow: bool = False) -> None:
@@ -51,14 +51,14 @@ class Boustrophedon:
 
 
 def sweep_guesses(
-    fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray, period: float, *, slow: bool = False
+    fleet: Fleet, cell: FloatArray, demand: FloatArray, position: FloatArray, period: float, *, slow: bool = False
 ) -> Iterator[Guess]:
-    """Yield sweeps of everything owed along each axis: strips of equal work, cut snakes, and combs.
+    """Yield sweeps of the whole demand along each axis: strips of equal work, cut snakes, and combs.
 
-    `cell` (K, d) [m]; `owed` (J, K) > 0 where something is left; `position` (m, d) [m]; `period` T_s [s].
-    `slow` sweeps are for many looks in one pass.
+    `cell` (K, d) [m]; `demand` (J, K) > 0 where there is demand; `position` (m, d) [m]; `period` T_s [s].
+    `slow` sweeps are for many looks in a single pass.
     """
-    teams = _teams(fleet, cell, owed, period, slow=slow)
+    teams = _teams(fleet, cell, demand, period, slow=slow)
     for axis in range(cell.shape[1]):
         yield _by_team(
             GuessKind.STRIPS,
@@ -73,7 +73,7 @@ def sweep_guesses(
 
             def snakes(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
                 pieces = cut_snake(cut_lanes(team.left, team.swath, a), team.speed, mirrored=m, upward=u)
-                return take_pieces(pieces, position[team.agents], team.speed, one_way=slow)
+                return assign_pieces(pieces, position[team.agents], team.speed, one_way=slow)
 
             def combs(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
                 return comb(_even_lanes(team, a), position[team.agents], mirrored=m, upward=u)
@@ -84,7 +84,7 @@ def sweep_guesses(
 
 @dataclass(frozen=True, eq=False)
 class Team:
-    """Agents with equal abilities: their indices, the (K', d) cells on which they owe something, and their swath."""
+    """Agents that measure the same magnitudes: indices, (K', d) cells [m] with demand, swath, (n,) speeds [m/s]."""
 
     agents: IntArray
     left: FloatArray
@@ -95,7 +95,7 @@ class Team:
 def _by_team(
     kind: GuessKind, name: str, position: FloatArray, teams: list[Team], paths_of: Callable[[Team], list[FloatArray]]
 ) -> Guess:
-    """Return the guess in which each team flies `paths_of(team)` and whoever has no work stays."""
+    """Return the guess in which each team flies `paths_of(team)` and all other agents rest."""
     paths = [here[None] for here in position]
     for team in teams:
         for agent, path in zip(team.agents, paths_of(team), strict=True):
@@ -103,12 +103,13 @@ def _by_team(
     return Guess(Origin(kind, name), paths)
 
 
-def _teams(fleet: Fleet, cell: FloatArray, owed: FloatArray, period: float, *, slow: bool) -> list[Team]:
+def _teams(fleet: Fleet, cell: FloatArray, demand: FloatArray, period: float, *, slow: bool) -> list[Team]:
+    """Return the teams for which there is demand."""
     able = np.isfinite(fleet.radius)
     teams = []
     for pattern in np.unique(able, axis=0):
         agents = np.flatnonzero((able == pattern).all(axis=1))
-        left = cell[(owed[pattern] > 0.0).any(axis=0)]
+        left = cell[(demand[pattern] > 0.0).any(axis=0)]
         if len(left) and pattern.any():
             radius = float(fleet.radius[agents][:, pattern].min())
             speed = fleet.speed_max[agents]
@@ -118,7 +119,7 @@ def _teams(fleet: Fleet, cell: FloatArray, owed: FloatArray, period: float, *, s
 
 
 def _strips(team: Team, position: FloatArray, axis: int) -> list[FloatArray]:
-    """Cut a team's cells into strips of equal work, and sweep each to and fro."""
+    """Return paths that sweep strips of equal work of a team's cells, one strip for each agent."""
     across = (axis + 1) % position.shape[1]
     here = position[team.agents]
     parts = [part for part in strips(team.left, team.speed, across) if len(part)]
@@ -131,7 +132,7 @@ def _strips(team: Team, position: FloatArray, axis: int) -> list[FloatArray]:
 
 
 def _even_lanes(team: Team, axis: int) -> list[Lane]:
-    """Return lanes whose number is a multiple of the agents: no slot of a comb's last block stays empty."""
+    """Return lanes whose number is a multiple of the agents, so that the last block of a comb is full."""
     agents = len(team.agents)
     lanes = cut_lanes(team.left, team.swath, axis)
     blocks = -(-len(lanes) // agents)
@@ -139,6 +140,6 @@ def _even_lanes(team: Team, axis: int) -> list[Lane]:
 
 
 def _padded(points: FloatArray, count: int) -> FloatArray:
-    """Repeat the mean for agents that are left over."""
+    """Return `count` points: those given, and their mean for the agents without one."""
     missing = count - len(points)
     return np.concatenate([points, np.repeat(points.mean(axis=0)[None], missing, axis=0)]) if missing else points

@@ -1,11 +1,11 @@
-"""How long to stay where along given paths, so that every cell gets the looks that it is owed: a linear programme.
+"""Dwell times along given paths, from a linear programme, so that every cell gets the looks that it demands.
 
-A path is cut into short pieces. Its agent spends n_p >= 0 samples on piece p, which are looks at whatever is in range
-of it. Asked for is the shortest time in which all have done, by
+A path is cut into short pieces. Its agent spends n_p >= 0 samples on piece p, which are looks at all cells in range
+of it. The time until the last agent has finished is minimised:
 
     min max_i sum_p n_ip   s.t.   sum_ip n_ip [||p - c_k|| <= rho_ij] >= looks_jk,   n_ip >= length_ip / (v_i T_s).
 
-What all looks at once take is far less than passing again and again: lanes overlap, and nobody turns in between.
+One slow pass takes far less time than repeated passes: lanes overlap, and no agent turns in between.
 """
 
 from __future__ import annotations
@@ -26,25 +26,28 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.fleet import Fleet
 
-_PIECE, _LONGEST, _PIECES = 0.25, 0.5, 1000
-"""Length of a piece in sensing radii: the first, but no more than so many pieces, but none longer than the second."""
-_PACE = 0.75
-"""Part of the top speed that pieces are passed at, at the most: the rest is for speeding up and slowing down."""
-_INSIDE = 0.02
-"""Looks are counted on so far inside the radius, as a part of it: motions are smoother than what is planned here."""
-_IDLE = 1e-3
-"""Cost of the samples of whoever ends before the last, as a part of the last's: nobody loiters for nothing."""
+_PIECE, _PIECE_MAX, _PIECES = 0.25, 0.5, 1000
+"""Length of a piece in sensing radii, raised up to the second value to keep the number of pieces near the third, which
+bounds the size of the programme. Plain choices."""
+_SPEED_SHARE = 0.75
+"""Part of the top speed at which pieces are passed at most; the rest is for acceleration. Plain choice."""
+_RADIUS_MARGIN = 0.02
+"""Part by which the sensing radius is reduced where looks are counted, since the tracked motion is smoother. Plain
+choice."""
+_IDLE_COST = 1e-3
+"""Cost of the mean dwell time relative to the makespan, so that agents that finish early do not dwell needlessly. Plain
+choice."""
 
 
 @dataclass(frozen=True, eq=False)
 class DwellTimes:
-    """Paths and how long each piece of them takes.
+    """Paths cut into pieces, and the dwell time of each piece.
 
     Attributes
     ----------
-    point : for each agent (P_i, d) [m], the middles of its pieces, from where it is now on.
+    point : for each agent (P_i, d) [m], the middles of its pieces, in order.
     length : for each agent (P_i,) [m].
-    samples : for each agent (P_i,), how many samples it spends there, not necessarily whole.
+    samples : for each agent (P_i,), dwell times in samples, not necessarily whole.
     """
 
     point: list[FloatArray]
@@ -53,7 +56,7 @@ class DwellTimes:
 
 
 def discretised(path: FloatArray, longest: float) -> tuple[FloatArray, FloatArray]:
-    """Cut a path with (W, d) waypoints [m] into pieces of at most `longest` [m]: points (P, d) and lengths (P,) [m].
+    """Return points (P, d) [m] and lengths (P,) [m] of pieces of at most `longest` [m] of a path (W, d) [m].
 
     The points are the waypoints and evenly spaced ones between them; a piece reaches half-way to its neighbours.
     """
@@ -73,29 +76,29 @@ def solve_dwell_times(
     looks: FloatArray,
     period: float,
 ) -> DwellTimes | None:
-    """Return how long to stay where along paths (W_i, d) [m]; None if the programme was not solved.
+    """Return the dwell times along paths (W_i, d) [m]; None if the programme was not solved.
 
-    `cell` is (K, d) [m]; `looks` (J, K) what is owed, not necessarily whole; `period` T_s [s]. What is in range of no
-    path is left out.
+    `cell` is (K, d) [m]; `looks` (J, K) demanded, not necessarily whole; `period` T_s [s]. Cells in range of no path
+    are left out.
     """
     radius = fleet.radius
     scale = float(radius[np.isfinite(radius)].min())
-    way = sum(float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) for path in paths)
-    share = float(np.clip(way / (_PIECES * scale), _PIECE, _LONGEST))
+    total_length = sum(float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) for path in paths)
+    share = float(np.clip(total_length / (_PIECES * scale), _PIECE, _PIECE_MAX))
     cut = [discretised(path, share * scale) for path in paths]
-    least = [length / (_PACE * fleet.speed_max[i] * period) for i, (_, length) in enumerate(cut)]
-    seen, asked = _seen([point for point, _ in cut], fleet, cell, looks)
+    least = [length / (_SPEED_SHARE * fleet.speed_max[i] * period) for i, (_, length) in enumerate(cut)]
+    seen, demanded = _visibility([point for point, _ in cut], fleet, cell, looks)
     count = [len(point) for point, _ in cut]
     total = sum(count)
     each: Any = sp.block_diag([np.ones((1, size)) for size in count])
     within = sp.hstack([each, sp.csr_array(np.full((len(count), 1), -1.0))])
-    enough = sp.hstack([-seen, sp.csr_array((asked.size, 1))])
-    rows: Any = sp.vstack([enough, within], format="csr")  # HiGHS takes sparse rows, which its stubs do not know
-    cost = np.append(np.full(total, _IDLE / total), 1.0)
+    looked = sp.hstack([-seen, sp.csr_array((demanded.size, 1))])
+    rows: Any = sp.vstack([looked, within], format="csr")  # HiGHS takes sparse rows, which its stubs do not know
+    cost = np.append(np.full(total, _IDLE_COST / total), 1.0)
     found = linprog(
         cost,
         A_ub=rows,
-        b_ub=np.concatenate([-asked, np.zeros(len(count))]),
+        b_ub=np.concatenate([-demanded, np.zeros(len(count))]),
         bounds=[*((float(low), None) for low in np.concatenate(least)), (0.0, None)],
         method="highs",
     )
@@ -105,32 +108,33 @@ def solve_dwell_times(
     return DwellTimes([point for point, _ in cut], [length for _, length in cut], samples)
 
 
-def _seen(points: list[FloatArray], fleet: Fleet, cell: FloatArray, looks: FloatArray) -> tuple[Any, FloatArray]:
-    """Return which pieces (columns) look at which (magnitude, cell) that is owed and in range of any, and the looks."""
-    blocks, asked = [], []
+def _visibility(points: list[FloatArray], fleet: Fleet, cell: FloatArray, looks: FloatArray) -> tuple[Any, FloatArray]:
+    """Return which pieces (columns) see which demanded (magnitude, cell) in range of any, and the demanded looks."""
+    blocks, demanded = [], []
     for magnitude in range(looks.shape[0]):
-        owed = np.flatnonzero(looks[magnitude] > 0.0)
+        wanted = np.flatnonzero(looks[magnitude] > 0.0)
         near = [
-            np.linalg.norm(cell[owed, None] - point[None], axis=2) <= (1.0 - _INSIDE) * fleet.radius[i, magnitude] + TIE
+            np.linalg.norm(cell[wanted, None] - point[None], axis=2)
+            <= (1.0 - _RADIUS_MARGIN) * fleet.radius[i, magnitude] + TIE
             for i, point in enumerate(points)
         ]
         table = np.concatenate(near, axis=1)
         reached = table.any(axis=1)
         blocks.append(sp.csr_array(table[reached].astype(float)))
-        asked.append(looks[magnitude, owed[reached]].astype(float))
-    return sp.vstack(blocks).tocsr(), np.concatenate(asked)
+        demanded.append(looks[magnitude, wanted[reached]].astype(float))
+    return sp.vstack(blocks).tocsr(), np.concatenate(demanded)
 
 
-def timed_samples(dwelling: DwellTimes, count: int) -> FloatArray:
-    """Return where each agent is to be at samples 0 to `count`, (count+1, m, d) [m]; at its path's end from there on.
+def timed_samples(dwell_times: DwellTimes, count: int) -> FloatArray:
+    """Return the positions (count+1, m, d) [m] of all agents at samples 0 to `count`.
 
-    A piece is passed at an even speed in its time.
+    A piece is passed at constant speed within its dwell time; at the end of its path an agent rests.
     """
     columns = []
-    for point, length, samples in zip(dwelling.point, dwelling.length, dwelling.samples, strict=True):
-        way = np.append(0.0, np.cumsum(length))  # along the path, at the ends of the pieces
+    for point, length, samples in zip(dwell_times.point, dwell_times.length, dwell_times.samples, strict=True):
+        arc = np.append(0.0, np.cumsum(length))  # arc length at the ends of the pieces
         when = np.append(0.0, np.cumsum(samples))
-        at = np.interp(np.arange(count + 1.0), when, way)
+        at = np.interp(np.arange(count + 1.0), when, arc)
         middle = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(point, axis=0), axis=1)))
         columns.append(np.stack([np.interp(at, middle, point[:, a]) for a in range(point.shape[1])], axis=1))
     return np.stack(columns, axis=1)

@@ -1,4 +1,4 @@
-"""A guess: where a search starts from."""
+"""An initial guess of a motion, and where it comes from."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ if TYPE_CHECKING:
 
 
 class GuessKind(Enum):
-    """What a guess is made by."""
+    """The generator of a guess."""
 
     COMB = "agents abreast, lane by lane"
     SNAKE = "one path through all lanes, cut into pieces"
     STRIPS = "a strip of equal work for each agent"
     TOUR = "a greedy tour from cell to cell"
-    REST = "everyone stays"
+    REST = "all agents rest"
     TIMED_SWEEP = "a sweep timed by a linear programme for many looks"
     FORMATION = "the fleet moves as one body"
     RENDEZVOUS = "groups out of range of each other meet"
-    REPAIR = "the ways of an earlier plan, then what is left over"
-    GIVEN = "handed in from outside"
+    REPAIR = "the paths of an earlier plan, then a tour of the remaining cells"
+    GIVEN = "given by the caller"
 
 
 class Origin(NamedTuple):
-    """Where a plan comes from: the kind of its guess, and a name that tells it from others of its kind."""
+    """The origin of a plan: the kind of its initial guess, and a name that is unique within the kind."""
 
     kind: GuessKind
     name: str
@@ -35,13 +35,13 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """Waypoints to be tracked, or a motion.
+    """Waypoints to track, or a motion.
 
     Attributes
     ----------
-    origin : what it is.
-    paths : for each agent (W_i, d) [m]; empty where there is a motion.
-    motion : the motion itself, with its own timing; None where waypoints are given.
+    origin : kind and name.
+    paths : waypoints of each agent, (W_i, d) [m]; empty where there is a motion.
+    motion : a motion with its own timing; None where waypoints are given.
     """
 
     origin: Origin
@@ -50,5 +50,5 @@ class Guess:
 
 
 def rest_guess(position: FloatArray) -> Guess:
-    """Return the guess that stays at (m, d) positions [m]: always feasible."""
+    """Return the guess that rests at (m, d) positions [m], which is always feasible."""
     return Guess(Origin(GuessKind.REST, "rest"), [here[None] for here in position])

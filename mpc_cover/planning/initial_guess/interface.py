@@ -1,4 +1,4 @@
-"""What all ways to make initial guesses have in common."""
+"""The interface of initial-guess generators."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
 
 class InitialGuess(Protocol):
-    """A way to make guesses."""
+    """A generator of initial guesses."""
 
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:
-        """Yield guesses for a task, the most promising first; `incumbent` is the plan that there is, if any.
+        """Yield guesses for a task, the most promising first; `incumbent` is the present plan, if any.
 
-        Nothing is promised about them: they are flown within the limits, refined and judged by whoever asks.
+        Guesses need not be feasible: the caller tracks them within the limits, refines and evaluates them.
         """
         ...

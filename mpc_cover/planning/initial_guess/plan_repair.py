@@ -1,7 +1,7 @@
-"""What is left of a mission plan after a fault: everyone who can goes on along the ways that it had.
+"""Plan repair after a fault: the remaining agents continue along the paths of the earlier plan.
 
-A plan from scratch takes longer than a step has. The old ways cover what they were to cover, at whatever speed they
-are flown; what the lost leave over is added at the end.
+A plan from scratch takes longer than one step has. The earlier paths still cover what they were planned for, at any
+speed; a tour of the cells that lost agents leave is appended.
 """
 
 from __future__ import annotations
@@ -22,37 +22,37 @@ if TYPE_CHECKING:
     from mpc_cover.planning.task import Task
 
 _EVERY = 2
-"""Samples of the old plan from one waypoint to the next."""
+"""Samples of the earlier plan from one waypoint to the next; a plain choice."""
 
 
 class PlanRepair:
-    """Guesses from an earlier plan: each as fast as it can, or all as fast as the slowest.
+    """Guesses from an earlier plan: each agent at its own top speed, or all at that of the slowest.
 
-    In the second everyone stays as near to the others as it was.
+    At a common speed the distances between agents remain nearly those of the earlier plan.
     """
 
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:
-        """Yield motions that fly the ways of the incumbent from the task's start, then to what is left over."""
+        """Yield motions from the task's initial state along the incumbent's paths and a tour of the remaining cells."""
         if incumbent is None:
             return
         slowest = float(task.fleet.speed_max[list(task.fleet.active)].min())
-        even = replace(task.fleet, speed_max=np.full(task.fleet.size, slowest))
-        for name, fleet in (("as before", task.fleet), ("as before, at one speed", even)):
-            yield Guess(Origin(GuessKind.REPAIR, name), motion=_flown(task, incumbent, fleet))
+        common = replace(task.fleet, speed_max=np.full(task.fleet.size, slowest))
+        for name, fleet in (("as before", task.fleet), ("as before, at one speed", common)):
+            yield Guess(Origin(GuessKind.REPAIR, name), motion=_tracked(task, incumbent, fleet))
 
 
-def _flown(task: Task, old: Trajectory, fleet: FleetConstraints) -> Trajectory:
-    """Fly the old ways with the limits of `fleet`, which are no wider than the task's own."""
-    done = min(max(round((task.start_time - old.start_time) / task.period), 0), old.steps)
-    ahead = np.concatenate([old.position[done:-1:_EVERY], old.position[-1:]])
+def _tracked(task: Task, earlier: Trajectory, fleet: FleetConstraints) -> Trajectory:
+    """Return the motion along the earlier paths with the limits of `fleet`, no wider than the task's own."""
+    done = min(max(round((task.start_time - earlier.start_time) / task.period), 0), earlier.steps)
+    ahead = np.concatenate([earlier.position[done:-1:_EVERY], earlier.position[-1:]])
     ahead[:, task.fleet.lost] = task.position[list(task.fleet.lost)]
     paths = list(ahead.swapaxes(0, 1))
-    tracked = replace(task, fleet=fleet)
+    limited = replace(task, fleet=fleet)
     origin = Origin(GuessKind.REPAIR, "as before")
-    motion = tracked.flown(Guess(origin, paths), None)
-    left = task.owed_after(motion)
+    motion = limited.flown(Guess(origin, paths), None)
+    left = task.remaining_after(motion)
     if not (left > 0.0).any():
         return motion
     tour = tour_guess(task.fleet, task.cell, left, motion.position[-1])
-    further = [np.concatenate(ways) for ways in zip(paths, tour.paths, strict=True)]
-    return tracked.flown(Guess(origin, further), None)
+    further = [np.concatenate(both) for both in zip(paths, tour.paths, strict=True)]
+    return limited.flown(Guess(origin, further), None)

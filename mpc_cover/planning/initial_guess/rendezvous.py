@@ -1,7 +1,7 @@
-"""Rendezvous of groups that are out of range of each other: each flies towards the others.
+"""Rendezvous of groups that are out of range of each other: the groups move towards each other until all gaps close.
 
-After the loss of a relay nothing comes before this: those who cannot be reached cannot be warned. Each group moves as
-one body, so that nobody in it is lost on the way, and all gaps close at once.
+After the loss of a relay this has priority, since agents out of range cannot receive plans. Each group moves as a
+rigid formation, so that it stays connected, and all gaps close at once.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from mpc_cover.constraints.graph import fleet_trees
 from mpc_cover.constraints.pairs import all_pairs
 from mpc_cover.model.braking import braking_velocities
+from mpc_cover.model.tolerances import NO_DIRECTION
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
@@ -26,42 +27,52 @@ if TYPE_CHECKING:
     from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.planning.task import Task
 
-NEAR = 0.8
-"""Part of their range within which groups meet: they pass the range itself at full speed."""
+_MEETING_SHARE = 0.8
+"""Part of the communication range within which groups meet, so that they reach the range itself at full speed. Plain
+choice."""
 _BENDS = (0.0, 1.5, -1.5, 3.0, -3.0)
-"""Ways around what lies between, in least distances."""
-_SWEEPS = 200
-"""Passes over the gaps; each closes one gap after another, and may open others a little."""
+"""Lateral detours around obstacles, in least distances rho_B; plain choices."""
+_PASSES = 200
+"""Passes over the gaps, each of which closes one gap after another and may reopen others a little; a plain choice."""
+_GAP_TOLERANCE = 1e-3
+"""Remaining gap, relative to the meeting distance, at which the passes end; a plain choice."""
+_IMMOBILE_WEIGHT = 1e-6
+"""Weight of a group that is to stay where it is; a plain choice, positive so that no sum of weights vanishes."""
 
 
 def out_of_range(position: FloatArray, fleet: FleetConstraints) -> bool:
-    """Return whether those who take part, at (m, d) [m], are out of range of each other."""
+    """Return whether active agents at (m, d) positions [m] are out of range of each other: no connected graph."""
     length, tree = _tree(position, fleet)
     return bool((length[tree] > fleet.communication_range).any())
 
 
 class Rendezvous:
-    """Ways on which all gaps between groups that are out of range of each other close."""
+    """Motions that close all gaps between groups that are out of range of each other."""
 
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
-        """Yield motions to the meeting, the fastest kinds first; whoever is lost stays where it is.
+        """Yield motions to the rendezvous, the fastest kinds first; lost agents do not move.
 
-        At once, or from rest and each group in step: velocities at the start may tear a group apart.
+        Each is tried directly, and after braking to rest with equal limits within a group: different initial velocities
+        may disconnect a group.
         """
         braking = braking_velocities(task.velocity, task.fleet, task.period)
-        braked = Trajectory.from_velocities(task.position, task.velocity, braking, task.start_time, task.period)
-        stopped = braked.position[-1]
-        at_once, from_rest = ((place, _groups(place, task.fleet)) for place in (task.position, stopped))
-        for now, then in zip_longest(_meetings(*at_once, task.fleet), _meetings(*from_rest, task.fleet)):
+        stop = Trajectory.from_velocities(task.position, task.velocity, braking, task.start_time, task.period)
+        stopped = stop.position[-1]
+        at_once, from_rest = ((position, _groups(position, task.fleet)) for position in (task.position, stopped))
+        for direct, after_stop in zip_longest(_meetings(*at_once, task.fleet), _meetings(*from_rest, task.fleet)):
             for bend in _BENDS:
-                if now is not None:
-                    paths = _ways(task.position, now, bend * task.fleet.separation_min)
+                if direct is not None:
+                    paths = _detours(task.position, direct, bend * task.fleet.separation_min)
                     motion = track_waypoints(paths, task.position, task.velocity, task.fleet, task.period)
                     yield _guess(task, motion.velocity[1:])
-                if then is not None:
-                    paths = _ways(stopped, then, bend * task.fleet.separation_min)
+                if after_stop is not None:
+                    paths = _detours(stopped, after_stop, bend * task.fleet.separation_min)
                     motion = track_waypoints(
-                        paths, stopped, np.zeros_like(stopped), _in_step(task.fleet, from_rest[1]), task.period
+                        paths,
+                        stopped,
+                        np.zeros_like(stopped),
+                        _with_equal_limits(task.fleet, from_rest[1]),
+                        task.period,
                     )
                     yield _guess(task, np.concatenate([braking, motion.velocity[1:]]))
 
@@ -73,12 +84,12 @@ def _guess(task: Task, later: FloatArray) -> Guess:
 
 
 def _meetings(position: FloatArray, group: IntArray, fleet: FleetConstraints) -> Iterator[FloatArray]:
-    """Yield where everyone (m, d) [m] is once all gaps are closed, the more groups give way the earlier."""
+    """Yield the positions (m, d) [m] of all agents once all gaps are closed; first those to which all groups move."""
     return (_meeting(position, group, weights, fleet) for weights in _weights(group, fleet))
 
 
-def _in_step(fleet: FleetConstraints, group: IntArray) -> FleetConstraints:
-    """Return the fleet with the limits of the slowest of each group."""
+def _with_equal_limits(fleet: FleetConstraints, group: IntArray) -> FleetConstraints:
+    """Return the fleet with the limits of the slowest agent of each group."""
     return replace(
         fleet,
         speed_max=np.array([fleet.speed_max[group == own].min() for own in group]),
@@ -93,7 +104,7 @@ def _tree(position: FloatArray, fleet: FleetConstraints) -> tuple[FloatArray, Bo
 
 
 def _groups(position: FloatArray, fleet: FleetConstraints) -> IntArray:
-    """Return the (m,) number of the group of each agent: those whom edges of the tree join that are short enough."""
+    """Return the (m,) group index of each agent: agents joined by edges of the tree within the range."""
     length, tree = _tree(position, fleet)
     group = np.arange(fleet.size)
     for i, j, kept in zip(*all_pairs(fleet.size), tree & (length <= fleet.communication_range), strict=True):
@@ -101,32 +112,34 @@ def _groups(position: FloatArray, fleet: FleetConstraints) -> IntArray:
             group[group == group[j]] = group[i]
     if len(set(group[fleet.is_active].tolist())) > 1:
         return group
-    # all hear each other, but hardly: the edges that are longer than they should be are the gaps
+    # all are connected, but barely: edges longer than the meeting distance are the gaps
     group = np.arange(fleet.size)
-    for i, j, kept in zip(*all_pairs(fleet.size), tree & (length <= NEAR * fleet.communication_range), strict=True):
+    for i, j, kept in zip(
+        *all_pairs(fleet.size), tree & (length <= _MEETING_SHARE * fleet.communication_range), strict=True
+    ):
         if kept:
             group[group == group[j]] = group[i]
     if len(set(group[fleet.is_active].tolist())) > 1:
         return group
-    return np.arange(fleet.size)  # it is a link that is too long, between two whom others keep in touch
+    return np.arange(fleet.size)  # the gap is a fixed link that is too long, within one group
 
 
 def _weights(group: IntArray, fleet: FleetConstraints) -> Iterator[FloatArray]:
-    """Yield (m,) how much each agent's group gives way: all by their speed, then all but one."""
+    """Yield (m,) weights of how far each agent's group moves: all by their speed, then all but one group."""
     slowest = np.array([fleet.speed_max[(group == own) & fleet.is_active].min(initial=np.inf) for own in group])
     slowest[~fleet.is_active] = 0.0
     yield slowest
     for still in sorted(set(group[fleet.is_active].tolist())):
-        yield np.where(group == still, 1e-6, slowest)
+        yield np.where(group == still, _IMMOBILE_WEIGHT, slowest)
 
 
 def _meeting(position: FloatArray, group: IntArray, weight: FloatArray, fleet: FleetConstraints) -> FloatArray:
-    """Return (m, d) [m] where everyone is once all gaps are closed: each edge in turn pulls its two groups."""
-    near = NEAR * fleet.communication_range
+    """Return positions (m, d) [m] with all gaps closed: each edge in turn moves its two groups towards each other."""
+    near = _MEETING_SHARE * fleet.communication_range
     goal = position.copy()
     one, two = all_pairs(fleet.size)
     gaps = [(i, j) for i, j, kept in zip(one, two, _tree(position, fleet)[1], strict=True) if kept]
-    for _ in range(_SWEEPS):
+    for _ in range(_PASSES):
         worst = 0.0
         for i, j in gaps:
             if group[i] == group[j]:
@@ -136,23 +149,23 @@ def _meeting(position: FloatArray, group: IntArray, weight: FloatArray, fleet: F
             if (excess := distance - near) <= 0.0:
                 continue
             worst = max(worst, excess)
-            pull = (excess / distance / (weight[i] + weight[j])) * between
-            goal[group == group[i]] += weight[i] * pull
-            goal[group == group[j]] -= weight[j] * pull
-        if worst < 1e-3 * near:
+            move = (excess / distance / (weight[i] + weight[j])) * between
+            goal[group == group[i]] += weight[i] * move
+            goal[group == group[j]] -= weight[j] * move
+        if worst < _GAP_TOLERANCE * near:
             break
     return np.where(fleet.is_active[:, None], goal, position)
 
 
-def _ways(position: FloatArray, goal: FloatArray, aside: float) -> list[FloatArray]:
-    """Return each agent's waypoints [m]: its goal, or with a bend both halfway and there, all to the same side."""
-    way = goal - position
-    longest = way[np.argmax(np.linalg.norm(way, axis=1))]
+def _detours(position: FloatArray, goal: FloatArray, aside: float) -> list[FloatArray]:
+    """Return each agent's waypoints [m]: its goal; with a detour, halfway and goal displaced to the same side."""
+    displacement = goal - position
+    longest = displacement[np.argmax(np.linalg.norm(displacement, axis=1))]
     side = np.zeros_like(longest)
     side[:2] = -longest[1], longest[0]
-    if (size := float(np.linalg.norm(side))) < 1e-9:  # noqa: PLR2004 - straight up or down
+    if (size := float(np.linalg.norm(side))) < NO_DIRECTION:  # straight up or down
         side, size = np.eye(longest.size)[0], 1.0
-    bend = np.where((way != 0.0).any(axis=1)[:, None], aside / size * side, 0.0)
+    bend = np.where((displacement != 0.0).any(axis=1)[:, None], aside / size * side, 0.0)
     if aside == 0.0:
         return list(goal[:, None])
-    return list(np.stack([position + 0.5 * way + bend, goal + bend], axis=1))
+    return list(np.stack([position + 0.5 * displacement + bend, goal + bend], axis=1))

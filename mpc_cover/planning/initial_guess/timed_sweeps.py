@@ -1,7 +1,7 @@
-"""Plans that bring several looks at once: sweeps flown as slowly as it takes, instead of again and again.
+"""Plans that take many looks in a single slow pass instead of several laps: sweeps timed by a linear programme.
 
-Each guess is timed by a linear programme (`dwelling`), flown within the limits, and judged. What whole samples lack
-is asked for once more of the programme; what breaks separation or connectivity is left to the SQP.
+Each sweep is timed by `dwell_time_lp`, tracked within the limits, and evaluated. Looks that are missing after rounding
+to whole samples are added to the programme, which is solved again; the SQP repairs separation and connectivity.
 """
 
 from __future__ import annotations
@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.model.sensing import look_counts
-from mpc_cover.planning.budget import FLIGHT_S
-from mpc_cover.planning.candidate import as_flown, as_moved, promise
+from mpc_cover.model.tolerances import STEP_ROUNDING
+from mpc_cover.planning.basin_hopping import WEIGHT_FACTOR
+from mpc_cover.planning.budget import GUESS_SAMPLE_S
+from mpc_cover.planning.candidate import evaluate_guess, evaluate_motion, guess_priority
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.dwell_time_lp import solve_dwell_times, timed_samples
 from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_samples
-from mpc_cover.planning.segment_refinement import refine_segments
+from mpc_cover.planning.segment_refinement import SEGMENT_STEPS, refine_segments
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,74 +34,75 @@ if TYPE_CHECKING:
     from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
 
-_STRETCH, _PASSES = 24, 4
-"""Samples of a stretch that is mended, and passes over a plan."""
-_MOST_WORK = 2e6
-"""Cells times metres of path up to which one guess after another is timed: 18 of 100 m^2, one of 1600 m^2."""
-_MENDABLE = 2e7
-"""Coordinates of a plan times cells up to which it is mended: every stretch counts all looks of the others."""
-_REPAIR = 0.1
-"""What a metre of violation adds to the time that a guess promises, as a part of it."""
-_KICK = 4.0
-"""By how much what a pass leaves over weighs more in the next."""
+_PASSES = 4
+"""Passes of segment refinement over a plan; a plain choice."""
+_WORK_MAX = 2e6
+"""Cells times metres of path up to which sweeps are timed: all 18 of a field of 100 m^2, one of 1600 m^2. A plain
+choice."""
+_REPAIR_SIZE_MAX = 2e7
+"""Coordinates of a plan times cells up to which it is repaired: each segment counts the looks of all others. Plain
+choice."""
+_VIOLATION_COST = 0.1
+"""Relative increase of a sweep's length per metre of violation [1/m] where sweeps are ordered; a plain choice."""
 _ROUNDS = 4
-"""How often the programme is asked again for what whole samples lack."""
+"""Solutions of the programme per sweep, each with the looks that the one before lacks; a plain choice."""
 
 
 class TimedSweeps:
-    """Sweeps that are timed by a linear programme, so that every cell gets all the looks it is owed.
+    """Sweeps timed by a linear programme, so that every cell gets all the looks that it demands.
 
     Parameters
     ----------
-    most : sweeps at the most; None for all.
+    most : largest number of sweeps; None for all.
     """
 
     def __init__(self, most: int | None = None) -> None:
         self._most = most
 
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
-        """Yield motions of each sweep in turn, the next timed for what the one before lacks.
+        """Yield motions of each sweep in turn, each timed for the looks that the one before lacks.
 
-        For tasks of several looks from a given start to rest.
+        For tasks with several looks, a given initial state and an end at rest.
         """
         work = 0.0
         sweeps = sorted(Boustrophedon(slow=True).guesses(task), key=lambda guess: guess.origin.kind is GuessKind.STRIPS)
         for guess in islice(sweeps, self._most):
-            if work > _MOST_WORK:
+            if work > _WORK_MAX:
                 return
             work += task.cell.shape[0] * sum(_length(path) for path in guess.paths)
             origin = Origin(GuessKind.TIMED_SWEEP, f"slow {guess.origin.name}")
-            for motion in _flown(task, guess):
+            for motion in _timed_motions(task, guess):
                 yield Guess(origin, motion=motion)
 
 
 def timed_sweeps(task: Task, most: int | None, budget: Budget) -> list[Candidate]:
-    """Return what up to `most` timed sweeps come to (None: all), judged; one at the least, whatever the budget."""
+    """Return the candidates of up to `most` timed sweeps (None: all), as the budget allows, but at least one."""
     found: list[Candidate] = []
     for guess in TimedSweeps(most).guesses(task):
-        found.append(as_flown(task, guess))
-        budget.charge(FLIGHT_S * found[-1].plan.steps)
+        found.append(evaluate_guess(task, guess))
+        budget.charge(GUESS_SAMPLE_S * found[-1].plan.steps)
         if budget.exhausted:
             break
     return found
 
 
 def _length(path: FloatArray) -> float:
+    """Return the length of a path with (W, d) waypoints [m]."""
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
-def repaired(task: Task, flown: list[Candidate], backend: Backend, most: int, budget: Budget) -> list[Candidate]:
-    """Return what becomes of the `most` promising of some plans when they are repaired and shortened by the SQP."""
+def repair_sweeps(task: Task, sweeps: list[Candidate], backend: Backend, most: int, budget: Budget) -> list[Candidate]:
+    """Return the up to `most` most promising sweeps, repaired and shortened by the SQP."""
     found: list[Candidate] = []
-    for guess in sorted(flown, key=partial(promise, repair=_REPAIR))[:most]:
-        if budget.exhausted or guess.plan.position.size * task.cell.shape[0] > _MENDABLE:
+    for guess in sorted(sweeps, key=partial(guess_priority, violation_cost=_VIOLATION_COST))[:most]:
+        if budget.exhausted or guess.plan.position.size * task.cell.shape[0] > _REPAIR_SIZE_MAX:
             break
-        found.append(_mended(task, guess, backend, budget))
+        found.append(_refined(task, guess, backend, budget))
     return found
 
 
-def _mended(task: Task, guess: Candidate, backend: Backend, budget: Budget) -> Candidate:
-    """Go over a plan stretch by stretch; what a pass leaves over weighs more in the next."""
+def _refined(task: Task, guess: Candidate, backend: Backend, budget: Budget) -> Candidate:
+    """Refine a plan segment by segment; cells that one pass leaves weigh more in the next."""
     best, weight = guess, task.weight
     position, velocity = guess.plan.position, guess.plan.velocity
     for _ in range(_PASSES):
@@ -107,30 +110,30 @@ def _mended(task: Task, guess: Candidate, backend: Backend, budget: Budget) -> C
             break
         heavier = replace(task, weight=weight)
         position, velocity = refine_segments(
-            heavier, (position, velocity), backend, length=_STRETCH, passes=1, budget=budget
+            heavier, (position, velocity), backend, length=SEGMENT_STEPS, passes=1, budget=budget
         )
-        candidate = as_moved(task, position[0], velocity, guess.origin)
+        candidate = evaluate_motion(task, position[0], velocity, guess.origin)
         best = min(best, candidate, key=lambda one: one.rank)
-        weight = np.where(task.owed_after(candidate.plan) > 0.0, _KICK * weight, weight)
+        weight = np.where(task.remaining_after(candidate.plan) > 0.0, WEIGHT_FACTOR * weight, weight)
     return best
 
 
-def _flown(task: Task, guess: Guess) -> Iterator[Trajectory]:
-    """Yield the motions of a guess, each timed for what the one before lacks."""
+def _timed_motions(task: Task, guess: Guess) -> Iterator[Trajectory]:
+    """Yield the motions of a sweep, each timed for the looks that the one before lacks."""
     assert task.looks is not None
     paths = [np.concatenate([here[None], path]) for here, path in zip(task.position, guess.paths, strict=True)]
-    owed = np.where(task.weight > 0.0, task.looks, 0).astype(float)
-    asked = owed.copy()
+    required = np.where(task.weight > 0.0, task.looks, 0).astype(float)
+    demanded = required.copy()
     for _ in range(_ROUNDS):
-        found = solve_dwell_times(paths, task.fleet, task.cell, asked, task.period)
+        found = solve_dwell_times(paths, task.fleet, task.cell, demanded, task.period)
         if found is None:
             return
-        steps = int(np.ceil(max(float(samples.sum()) for samples in found.samples) - 1e-9)) + 1
+        steps = int(np.ceil(max(float(samples.sum()) for samples in found.samples) - STEP_ROUNDING)) + 1
         motion = track_samples(
             timed_samples(found, steps), task.position, task.velocity, task.fleet, task.period, task.start_time
         )
         yield motion
-        lacking = np.maximum(owed - look_counts(motion.position, task.cell, task.fleet.radius), 0.0)
+        lacking = np.maximum(required - look_counts(motion.position, task.cell, task.fleet.radius), 0.0)
         if not lacking.any():
             return
-        asked = np.where(lacking > 0.0, asked + lacking, asked)
+        demanded = np.where(lacking > 0.0, demanded + lacking, demanded)

@@ -1,4 +1,4 @@
-"""Greedy tours of scattered cells."""
+"""Greedy tours of scattered cells by several agents."""
 
 from __future__ import annotations
 
@@ -16,39 +16,40 @@ if TYPE_CHECKING:
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.task import Task
 
-_SEEN = 0.7
-"""Part of the radius within which a cell counts as seen from a cell that is visited."""
-_MOST_CELLS = 1500
-"""Cells up to which a tour is made: one of everything is long to make and longer to fly."""
+_COVERED_SHARE = 0.7
+"""Part of the sensing radius within which a cell counts as covered from a visited cell; a plain choice below 1 for
+tracking between samples."""
+_CELLS_MAX = 1500
+"""Cells up to which a tour is made: beyond, both its computation and its flight take too long. Plain choice."""
 
 
 class Tour:
-    """A greedy tour, where there are not too many cells."""
+    """A greedy tour, unless there are too many cells."""
 
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
-        """Yield the tour, if it is worth making."""
-        if task.cell.shape[0] <= _MOST_CELLS:
+        """Yield the tour, if there is one."""
+        if task.cell.shape[0] <= _CELLS_MAX:
             yield tour_guess(task.fleet, task.cell, task.weight, task.position)
 
 
-def tour_guess(fleet: Fleet, cell: FloatArray, owed: FloatArray, position: FloatArray) -> Guess:
-    """Return a greedy tour: again and again the agent that can be first at a cell takes it.
+def tour_guess(fleet: Fleet, cell: FloatArray, demand: FloatArray, position: FloatArray) -> Guess:
+    """Return a greedy tour: repeatedly, the agent that can reach some remaining cell first is sent to it.
 
-    Made for what is left over: few, scattered cells. Arguments as in `boustrophedon.sweep_guesses`.
+    It suits few, scattered cells. Arguments as in `boustrophedon.sweep_guesses`.
     """
-    left = owed > 0.0
+    left = demand > 0.0
     paths = [[position[i]] for i in range(fleet.size)]
     clock = np.zeros(fleet.size)
     while left.any():
         able = np.isfinite(fleet.radius) @ left.astype(float) > 0.0  # (m, K)
         here = np.array([path[-1] for path in paths])
-        way = np.linalg.norm(here[:, None] - cell[None], axis=2)
-        arrival = np.where(able, clock[:, None] + way / fleet.speed_max[:, None], np.inf)
+        distance = np.linalg.norm(here[:, None] - cell[None], axis=2)
+        arrival = np.where(able, clock[:, None] + distance / fleet.speed_max[:, None], np.inf)
         agent, goal = np.unravel_index(int(np.argmin(arrival)), arrival.shape)
         paths[agent].append(cell[goal])
         clock[agent] = arrival[agent, goal]
         near = np.linalg.norm(cell - cell[goal], axis=1)
-        seen = near[None] <= _SEEN * fleet.radius[agent][:, None]
-        seen[:, goal] = np.isfinite(fleet.radius[agent])
-        left &= ~seen
+        covered = near[None] <= _COVERED_SHARE * fleet.radius[agent][:, None]
+        covered[:, goal] = np.isfinite(fleet.radius[agent])
+        left &= ~covered
     return Guess(Origin(GuessKind.TOUR, "tour"), [np.array(path[1:] or path) for path in paths])

@@ -1,4 +1,4 @@
-"""Flying through waypoints within the limits: how a path becomes a motion that a QP can start from."""
+"""Waypoint tracking within speed and input limits: turns paths into motions from which the solver can start."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.model.tolerances import AT_REST, DIVISOR_MIN, NO_DIRECTION
 from mpc_cover.model.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -14,12 +15,20 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.mission.fleet import Fleet
 
-_CRUISE = 0.97
-"""Part of the speed and input limits that guesses use: room for the SQP."""
-
-
-_CATCH_UP = 0.5
-"""Part of the way to where one should be that is made up for in a sample."""
+LIMIT_SHARE = 0.97
+"""Part of the speed and input limits that initial guesses use, so that the SQP has freedom; a plain choice."""
+_CORRECTION_SHARE = 0.5
+"""Part of the position error that `track_samples` corrects per sample; a plain choice."""
+_MAX_STEPS = 2000
+"""Steps after which tracking without a given length ends; a plain choice beyond any mission's needs."""
+_ARRIVED_STEPS, _ARRIVED_M = 0.2, 0.05
+"""Distance at which a last waypoint counts as reached: part of a step at full speed plus a length [m]; plain choice."""
+_APPROACH_SHARE = 0.9
+"""v^2 / (u_max d) of the approach to a last waypoint at distance d: less than half of u_max brakes. Plain choice."""
+_STOP_SHARE = 0.9
+"""Part of the input limit that braking in time may take; a plain choice."""
+_WALL_SHARE = 0.5
+"""Part of the input limit that brakes in front of the walls of the motion box; the rest is for the other axes."""
 
 
 def track_waypoints(
@@ -32,17 +41,17 @@ def track_waypoints(
     start_time: float = 0.0,
     steps: int | None = None,
     stop: bool = True,
-    max_steps: int = 2000,
+    max_steps: int = _MAX_STEPS,
 ) -> Trajectory:
-    """Fly each agent along its (W_i, d) waypoints [m] and come to rest at the last.
+    """Return the motion of agents along their (W_i, d) waypoints [m] that comes to rest at the last ones.
 
     With `steps` the motion has that many and is at rest at the end, arrived or not (unless `stop` is false);
-    without, it is as long as the last arrival needs. An agent turns to the next waypoint at the distance in
-    which it could stop. Start at (m, d) `position` [m] and `velocity` [m/s]; inputs stay within their limits unless the
-    start's velocity leaves no choice.
+    without, it is as long as the last arrival needs, but at most `max_steps`. An agent turns to the next waypoint at
+    its stopping distance. The initial state is (m, d) `position` [m] and `velocity` [m/s]; inputs stay within their
+    limits unless the initial velocity makes that impossible.
     """
     count = fleet.size
-    speed, force = _CRUISE * fleet.speed_max, _CRUISE * fleet.input_max
+    speed, force = LIMIT_SHARE * fleet.speed_max, LIMIT_SHARE * fleet.input_max
     capture = 0.5 * speed**2 / force
     ends = np.array([len(path) - 1 for path in paths], dtype=np.intp)
     target_of = np.full((count, int(ends.max()) + 1, position.shape[1]), np.nan)
@@ -77,18 +86,18 @@ def track_waypoints(
 def track_samples(
     wanted: FloatArray, position: FloatArray, velocity: FloatArray, fleet: Fleet, period: float, start_time: float = 0.0
 ) -> Trajectory:
-    """Be where `wanted` (N+1, m, d) [m] says at its samples, as nearly as limits allow, and come to rest after them.
+    """Return the motion that tracks positions `wanted` (N+1, m, d) [m] as closely as limits allow, then comes to rest.
 
-    Start as in `track_waypoints`. What is wanted is smoothed over a sample to either side.
+    Initial state as in `track_waypoints`. The reference is smoothed over three samples.
     """
-    speed, force = _CRUISE * fleet.speed_max, _CRUISE * fleet.input_max
+    speed, force = LIMIT_SHARE * fleet.speed_max, LIMIT_SHARE * fleet.input_max
     padded = np.concatenate([wanted[:1], wanted, wanted[-1:], wanted[-1:]])
     smooth = 0.25 * (padded[:-3] + 2.0 * padded[1:-2] + padded[2:-1])
-    ahead = 0.5 * (padded[3:] - padded[1:-2]) / period  # velocities under which positions are the smooth ones
+    ahead = 0.5 * (padded[3:] - padded[1:-2]) / period  # velocities whose positions are the smooth ones
     q, v = position.astype(float), velocity.astype(float)
     qs, vs = [q], [v]
     for here, then in zip(smooth, ahead, strict=True):
-        aim = _clipped(then + _CATCH_UP * (here - q) / period, speed)
+        aim = _clipped(then + _CORRECTION_SHARE * (here - q) / period, speed)
         u = _stay_inside(q, v, _clipped((aim - v) / period, force), fleet, force, period)
         q, v = q + period * v + 0.5 * period**2 * u, v + period * u
         qs.append(q)
@@ -97,7 +106,7 @@ def track_samples(
 
 
 def _arrived(index: IntArray, ends: IntArray, distance: FloatArray, v: FloatArray, fleet: Fleet, period: float) -> bool:
-    close = distance < 0.2 * fleet.speed_max * period + 0.05
+    close = distance < _ARRIVED_STEPS * fleet.speed_max * period + _ARRIVED_M
     slow = np.linalg.norm(v, axis=1) < fleet.input_max * period
     return bool(((index == ends) & close & slow).all())
 
@@ -111,51 +120,51 @@ def _control(
     force: FloatArray,
     period: float,
 ) -> FloatArray:
-    """Aim at the waypoint with full speed, slowing down for the last one, and for one that a sample would pass by.
+    """Return inputs (m, d) [m/s^2] towards the waypoints at full speed, slower where a step would pass one.
 
-    A sample that is longer than the distance at which agents turn may end on the far side of the waypoint, the next
-    one where it was before, and so on for ever.
+    Towards the last waypoint agents slow down to stop there. A step longer than the distance at which they turn could
+    otherwise alternate between both sides of a waypoint without end.
     """
     landing = np.minimum(speed, distance / period)
-    wanted = np.where(last, np.minimum(landing, np.sqrt(0.9 * force * distance)), landing)
-    aim = error / np.maximum(distance, 1e-9)[:, None] * wanted[:, None]
+    wanted = np.where(last, np.minimum(landing, np.sqrt(_APPROACH_SHARE * force * distance)), landing)
+    aim = error / np.maximum(distance, NO_DIRECTION)[:, None] * wanted[:, None]
     return _clipped((aim - v) / period, force)
 
 
 def _stay_inside(
     q: FloatArray, v: FloatArray, u: FloatArray, fleet: Fleet, force: FloatArray, period: float
 ) -> FloatArray:
-    """Slow down towards the walls of the motion box, axis by axis."""
-    half = 0.5 * force[:, None]
+    """Return inputs (m, d) [m/s^2] that slow down towards the walls of the motion box, axis by axis."""
+    braking = _WALL_SHARE * force[:, None]
     for wall, sign in ((fleet.motion_max, 1.0), (fleet.motion_min, -1.0)):
         room = np.maximum(sign * (wall - q), 0.0)
-        limit = np.minimum(np.sqrt(half * room), room / period)  # half the force brakes, half is left for the rest
+        limit = np.minimum(np.sqrt(braking * room), room / period)
         over = sign * (v + period * u) > limit
         u = np.where(over, (sign * limit - v) / period, u)
     return _clipped(u, force)
 
 
 def _in_time(v: FloatArray, u: FloatArray, force: FloatArray, period: float, left: int) -> FloatArray:
-    """Keep the speed such that the steps left suffice to stop.
+    """Return inputs (m, d) [m/s^2] after which the steps left suffice to stop.
 
-    Whoever would be too fast goes as far from straight braking towards what was wanted as the speed allows;
-    both lie within the input's ball, and so does all between them.
+    Where `u` would be too fast, the input is the point nearest to `u` on the segment from straight braking to `u` that
+    keeps the speed limit; both ends lie within the input's ball, and so does the segment.
     """
-    brake = 0.9 * force * period
+    brake = _STOP_SHARE * force * period
     cap = brake * (left - 1)
     size = np.linalg.norm(v, axis=1)
-    safe = v * np.maximum(1.0 - brake / np.maximum(size, 1e-12), 0.0)[:, None]
+    safe = v * np.maximum(1.0 - brake / np.maximum(size, DIVISOR_MIN), 0.0)[:, None]
     toward = v + period * u - safe
     a, b, c = (np.einsum("id,id->i", x, y) for x, y in ((toward, toward), (safe, toward), (safe, safe)))
     root = np.sqrt(np.maximum(b * b - a * (c - cap**2), 0.0))
-    part = np.where(a > 0.0, (root - b) / np.maximum(a, 1e-18), 1.0)
+    part = np.where(a > 0.0, (root - b) / np.maximum(a, AT_REST**2), 1.0)
     return np.asarray((safe + np.clip(part, 0.0, 1.0)[:, None] * toward - v) / period)
 
 
 def _trajectory(
     position: list[FloatArray], velocity: list[FloatArray], force: FloatArray | None, start_time: float, period: float
 ) -> Trajectory:
-    """Return the motion through samples; with `force` (m,) [m/s^2] to brake with, brought to rest after them."""
+    """Return the motion through samples; with `force` (m,) [m/s^2], extended by braking to rest."""
     if force is not None:
         _append_stop(position, velocity, force, period)
     velocities = np.array(velocity)
@@ -163,11 +172,11 @@ def _trajectory(
 
 
 def _append_stop(position: list[FloatArray], velocity: list[FloatArray], force: FloatArray, period: float) -> None:
-    """Append samples that bring everyone to rest."""
+    """Append samples that brake all agents to rest."""
     q, v = position[-1], velocity[-1]
     while np.abs(v).max() > 0.0:
         size = np.linalg.norm(v, axis=1)
-        left = np.maximum(size - force * period, 0.0) / np.maximum(size, 1e-12)
+        left = np.maximum(size - force * period, 0.0) / np.maximum(size, DIVISOR_MIN)
         after = v * left[:, None]
         q = q + 0.5 * period * (v + after)
         v = after
@@ -177,4 +186,4 @@ def _append_stop(position: list[FloatArray], velocity: list[FloatArray], force: 
 
 def _clipped(u: FloatArray, force: FloatArray) -> FloatArray:
     size = np.linalg.norm(u, axis=1)
-    return np.asarray(u * np.minimum(1.0, force / np.maximum(size, 1e-12))[:, None])
+    return np.asarray(u * np.minimum(1.0, force / np.maximum(size, DIVISOR_MIN))[:, None])

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from mpc_cover.model.disturbance import disturbs_motion, saturated, weather_of
+from mpc_cover.model.disturbance import agent_disturbance, disturbs_motion, saturated_acceleration
 from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.model.tube import tracking_of
 from mpc_cover.service.agent.schedule import START_TOLERANCE, Plant, Reference
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.model.disturbance import Weather
+    from mpc_cover.model.disturbance import AgentDisturbance
     from mpc_cover.model.tube import Tracking
     from mpc_cover.service.agent.schedule import Schedule
     from mpc_cover.service.protocol.messages import PlanRef
@@ -110,7 +110,7 @@ class TrackingVehicle:
         nominal: Reference,
         truth: MotionState,
         tracking: Tracking,
-        weather: Weather,
+        weather: AgentDisturbance,
         *,
         input_max: float,
         speed_max: float,
@@ -143,7 +143,7 @@ class TrackingVehicle:
     @property
     def on_track(self) -> bool:
         """Whether its measured state is within the tube around the reference."""
-        return self._tracking.keeps(*self._error(), START_TOLERANCE)
+        return self._tracking.contains(*self._error(), START_TOLERANCE)
 
     def advance(self, until_s: float, schedule: Schedule) -> None:
         """Move to `until_s`, measuring at each state period of its clock and switching plans at their starts."""
@@ -195,7 +195,9 @@ class TrackingVehicle:
         total = np.zeros_like(force)
         if schedule.flown is not None:
             own = _limited(force + self._feedback, self._own_max)
-            total = saturated(self._velocity, own + self._gust + self._weather.wind, dt, self._weather.speed_max)
+            total = saturated_acceleration(
+                self._velocity, own + self._gust + self._weather.wind, dt, self._weather.speed_max
+            )
         if self._log is not None:
             self._log(time_s, self._position, self._velocity, total, plan.ref if plan else None)
         self._position = self._position + dt * self._velocity + 0.5 * dt**2 * total
@@ -214,7 +216,7 @@ def make_vehicle(mission: Mission, index: int, time_s: float, seed: int, log: Lo
         Reference(time_s, start, rest),
         (start.copy(), rest.copy()),
         tracking_of(mission),
-        weather_of(mission, index, seed),
+        agent_disturbance(mission, index, seed),
         input_max=float(fleet.input_max[index]),
         speed_max=float(fleet.speed_max[index]),
         log=log,

@@ -83,7 +83,7 @@ class ControlStep:
         self.sent = self._publish(proposal, state, supervisor)
         if not self.sent:
             self._mission_clock.pause()
-        self._log(StepKind.PREPARE, proposal, took_s, took_s, missed=False)
+        self._log(StepKind.PREPARE, state, proposal, took_s, took_s, missed=False)
         return self.sent
 
     def step(self, supervisor: FleetSupervisor, coverage: FlownMap) -> None:
@@ -117,7 +117,7 @@ class ControlStep:
         else:
             self.sent = self._publish(proposal, state, supervisor)
         took_s = time.perf_counter() - begun
-        self._log(StepKind.STEP, proposal, computing_s, took_s, missed=late or budget.left_s < 0.0)
+        self._log(StepKind.STEP, state, proposal, computing_s, took_s, missed=late or budget.left_s < 0.0)
 
     def _late(self, tick: int) -> bool:
         """Return whether agents, which read their messages once a state period, may find a plan after its start.
@@ -139,7 +139,8 @@ class ControlStep:
         self._law.published(proposal.trajectory)
         return True
 
-    def _log(self, kind: StepKind, proposal: Proposal, computing_s: float, took_s: float, *, missed: bool) -> None:
-        start_s = proposal.trajectory.start_time if proposal.trajectory.time.size else 0.0
-        step = Step(kind, start_s, computing_s, took_s, proposal.source.name, proposal.reason, missed)
+    def _log(
+        self, kind: StepKind, state: FleetState, proposal: Proposal, computing_s: float, took_s: float, *, missed: bool
+    ) -> None:
+        step = Step(kind, state.time, computing_s, took_s, proposal.source.name, proposal.reason, missed)
         self._step_log.add(step)

@@ -11,11 +11,11 @@ from mpc_cover.control.reachability import reachable
 from mpc_cover.model.constraint_tightening import tightened, without_lost
 from mpc_cover.model.fleet_state import FleetState
 from mpc_cover.model.trajectory import SNAP_S
+from mpc_cover.service.agent.recorded_motion import motion_of, rests_from
 from mpc_cover.service.controller.failure_detector import SILENT_PART, FailureDetector, FailureMode
 from mpc_cover.service.controller.plan_publisher import UnknownPlanError
 from mpc_cover.service.controller.speed_estimation import SpeedEstimator
 from mpc_cover.service.controller.state_prediction import StatePredictor, resting
-from mpc_cover.service.run.recording import motion_of, rests_from
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -92,6 +92,8 @@ class FleetSupervisor:
     def assess(self, now_s: float, patience_s: float) -> str:
         """Update which agents are lost, recovered or slow; return a reason for the fleet to regroup, empty if none."""
         self._update_speeds()
+        for name in self.monitor.restarted:  # plans sent before were for its former process
+            self._publisher.forget(self._ids.index(name))
         if not self._tolerates_losses:
             return self._reason_to_regroup(now_s)
         lost = self._detector.lost
@@ -204,14 +206,11 @@ class FleetSupervisor:
 
     def _note_loss(self, index: int) -> None:
         name = self._ids[index]
-        if name in self.monitor.restarted:
-            self._publisher.forget(index)
         self._emit(_kind("lost", name), f"{name} is lost: its work is shared out")
 
     def _readmit(self, index: int) -> None:
         name, link = self._ids[index], self.monitor.links[index]
         link.freeze_offset()
-        self._publisher.forget(index)
         self._speeds.reset(index)
         self._emit(_kind("back", name), f"{name} is back: work is shared with it again")
 

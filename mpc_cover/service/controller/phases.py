@@ -94,7 +94,8 @@ class MissionPhases:
         self._heartbeat.events.emit(f"phase-{phase}", text)
 
     def regroup(self, why: str) -> None:
-        """Let all agents finish their plans, and wait for them to be at rest."""
+        """Let all agents finish their plans, and wait for them to be at rest; failures are counted anew then."""
+        self._control_step.failures = 0
         self.enter(Phase.WAITING, f"{why}: everyone finishes its plan and waits")
 
     def _wait(self) -> None:

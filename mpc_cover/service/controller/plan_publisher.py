@@ -79,7 +79,7 @@ class PlanPublisher:
         self._filter = SafetyFilter(mission)
 
     def forget(self, index: int) -> None:
-        """Forget what was sent to agent number `index`: it is at rest, or another process has replaced it."""
+        """Forget what was sent to agent number `index`: another process has replaced it."""
         self._sent[index].clear()
 
     def schedule(self, index: int, link: AgentLink) -> Schedule:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.model.disturbance import disturbs_motion, still_air
+from mpc_cover.model.disturbance import disturbs_motion, undisturbed
 from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.model.tube import tracking_of
 from mpc_cover.service.agent.recorder import MemoryRecorder
@@ -41,7 +41,7 @@ class StatePredictor:
         if self._tracking is None:
             return False
         (here, now), (position, velocity) = link.measured(), link.planned()
-        return not self._tracking.keeps(here - position, now - velocity, START_TOLERANCE)
+        return not self._tracking.contains(here - position, now - velocity, START_TOLERANCE)
 
     def predict(self, index: int, link: AgentLink, time_s: float, speed_max: float) -> MotionState:
         """Return the state of agent number `index` at `time_s`, if it reaches `speed_max` [m/s] at most.
@@ -62,7 +62,7 @@ class StatePredictor:
             reference,
             link.measured(),
             self._tracking,
-            still_air(self._mission, speed_max),
+            undisturbed(self._mission, speed_max),
             input_max=float(self._input_max[index]),
             speed_max=float(self._speed_max[index]),
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from mpc_cover import __version__
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.errors import UserError
 from mpc_cover.service.agent.recorder import read_record
@@ -21,6 +20,7 @@ from mpc_cover.service.run.progress import Progress
 from mpc_cover.service.run.recording import merge
 from mpc_cover.service.run.run_folder import step_times_of
 from mpc_cover.trajectory_file import RecordingKind
+from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -35,7 +35,7 @@ def parse_kills(values: Sequence[str], mission: Mission) -> dict[str, float]:
             problems.append(Problem("--kill", value, f"{name} dies once only"))
         else:
             deaths[name] = time_s
-    problems += _impossible(deaths, mission)
+    problems += _impossible(deaths, mission, "--kill")
     if problems:
         raise InvalidInputError("deaths", problems)
     return deaths
@@ -43,17 +43,17 @@ def parse_kills(values: Sequence[str], mission: Mission) -> dict[str, float]:
 
 def check_deaths(deaths: Mapping[str, float], mission: Mission) -> None:
     """Raise InvalidInputError for unknown agents, deaths before the take-off, or when no agent is left."""
-    if problems := list(_impossible(deaths, mission)):
+    if problems := list(_impossible(deaths, mission, "deaths")):
         raise InvalidInputError("deaths", problems)
 
 
-def _impossible(deaths: Mapping[str, float], mission: Mission) -> Iterator[Problem]:
+def _impossible(deaths: Mapping[str, float], mission: Mission, where: str) -> Iterator[Problem]:
     ids = mission.fleet.ids
     for name, time_s in deaths.items():
         if name not in ids:
-            yield Problem("--kill", f"{name}@{time_s:g}", f"there is no {name}: agents are {', '.join(ids)}")
+            yield Problem(where, f"{name}@{time_s:g}", f"there is no {name}: agents are {', '.join(ids)}")
         if not (math.isfinite(time_s) and time_s > 0.0):
             right = "must be a mission time later than 0 s: before the take-off everyone is waited for"
-            yield Problem("--kill", f"{name}@{time_s:g}", right)
+            yield Problem(where, f"{name}@{time_s:g}", right)
     if set(ids) <= set(deaths):
-        yield Problem("--kill", ", ".join(deaths), "somebody must be left")
+        yield Problem(where, ", ".join(deaths), "somebody must be left")

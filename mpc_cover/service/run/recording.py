@@ -8,9 +8,9 @@ import numpy as np
 
 from mpc_cover.errors import UnreadableFileError
 from mpc_cover.information.replay import measured_at
-from mpc_cover.model.trajectory import Trajectory
+from mpc_cover.service.agent.recorded_motion import lasting, motion_of, rests_from
 from mpc_cover.service.agent.recorder import MemoryRecorder
-from mpc_cover.service.agent.schedule import STANDSTILL, Plant, Schedule
+from mpc_cover.service.agent.schedule import Plant, Schedule
 from mpc_cover.trajectory_file import Recording
 
 if TYPE_CHECKING:
@@ -18,34 +18,11 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
+    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.service.agent.recorder import Piece
 
 MERGE_S = 1e-7
 """Breakpoints of different agents nearer than this become one sample [s]."""
-
-
-def motion_of(pieces: Sequence[Piece]) -> Trajectory:
-    """Return a record's motion without pieces of no duration."""
-    kept = _lasting(pieces)
-    return Trajectory(
-        np.array([piece.time_s for piece in kept]),
-        np.array([piece.position for piece in kept]),
-        np.array([piece.velocity for piece in kept]),
-        np.array([piece.input for piece in kept])[:-1],
-    )
-
-
-def rests_from(motion: Trajectory) -> float:
-    """Return when an agent came to rest for good [s]; the end of its record if it never did."""
-    fast = np.asarray((np.abs(motion.velocity) > STANDSTILL).any(axis=1))
-    fast[:-1] |= (np.abs(motion.input) > STANDSTILL).any(axis=1)
-    moving = np.flatnonzero(fast)
-    return float(motion.time[min(moving[-1] + 1, motion.steps)] if moving.size else motion.time[0])
-
-
-def _lasting(pieces: Sequence[Piece]) -> list[Piece]:
-    lasts = np.append(np.diff([piece.time_s for piece in pieces]) > 0.0, True)
-    return [piece for piece, good in zip(pieces, lasts, strict=True) if good]
 
 
 def extended(pieces: Sequence[Piece], input_max: float, until_s: float) -> list[Piece]:
@@ -116,7 +93,7 @@ def _extended(
 
 def _first_flown(pieces: Sequence[Piece]) -> Piece | None:
     """Return the piece at which an agent started its first plan; None where it never did."""
-    return next((piece for piece in _lasting(pieces) if piece.plan is not None), None)
+    return next((piece for piece in lasting(pieces) if piece.plan is not None), None)
 
 
 def _span(motions: Sequence[Trajectory], flown: Sequence[float], *, to_the_end: bool) -> tuple[float, float]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from threading import Event
 from typing import TYPE_CHECKING
 
-from mpc_cover import __version__
 from mpc_cover.clock import VirtualClock
 from mpc_cover.control.factory import make_control_law
 from mpc_cover.planning.budget import Budget
@@ -21,6 +20,7 @@ from mpc_cover.service.run.fault_injection import check_deaths
 from mpc_cover.service.run.recording import merge
 from mpc_cover.service.run.simulated_agent import SimulatedAgent
 from mpc_cover.trajectory_file import RecordingKind
+from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

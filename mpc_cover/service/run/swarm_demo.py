@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpc_cover import __version__
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.control.controller_name import ControllerName
 from mpc_cover.distributed.setup import check_flyable
@@ -20,6 +19,7 @@ from mpc_cover.service.run.processes import Child, free_port, terminate_all
 from mpc_cover.service.run.progress import Progress
 from mpc_cover.service.run.swarm_observer import SwarmObserver
 from mpc_cover.trajectory_file import RecordingKind
+from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover import __version__
 from mpc_cover.clock import VirtualClock
 from mpc_cover.control.controller_name import ControllerName
 from mpc_cover.service.protocol.local import LocalBus
@@ -20,6 +19,7 @@ from mpc_cover.service.run.simulated_agent import SimulatedAgent
 from mpc_cover.service.run.swarm_observer import SwarmObserver
 from mpc_cover.service.swarm.agent import SwarmAgent
 from mpc_cover.trajectory_file import RecordingKind
+from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""Our own subproblem in CVXPY, canonicalised in every iteration: what `planning/reference.py` costs in a loop.
+"""Our own subproblem in CVXPY, canonicalised in every iteration: what `planning.cvxpy_reference` costs in a loop.
 
 Stages, trust region and acceptance are those of `planning.scp` and `solvers.sqp`, without the line search.
 Solved by Clarabel, CVXPY's default for these problems; most of the time goes into canonicalisation.
@@ -13,8 +13,8 @@ import cvxpy as cp
 import numpy as np
 
 from mpc_cover.planning.coverage_nlp import CoverageNLP
+from mpc_cover.planning.cvxpy_reference import build_cvxpy_subproblem
 from mpc_cover.planning.ocp import Settings
-from mpc_cover.planning.reference import build_reference
 from mpc_cover.planning.scp import SHARPNESS, length_scale, softness_at
 from solvers.globalization import TrustRegion
 
@@ -65,7 +65,7 @@ def _region(scale: float) -> TrustRegion:
 def _proposed(problem: CoverageNLP, x: FloatArray, radius: float, solver: str) -> tuple[FloatArray, float] | None:
     """Return the subproblem's point and optimal value, or None if the solver failed."""
     ocp = problem.ocp
-    reference = build_reference(ocp, problem.settings, problem.requirements, x, radius)
+    reference = build_cvxpy_subproblem(ocp, problem.settings, problem.requirements, x, radius)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # on accuracy: the merit judges the step

@@ -1,0 +1,97 @@
+"""Offline plans: complete, verified, and honest when they cannot be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mpc_cover.errors import InvalidInputError, UserError
+from mpc_cover.mission.load import build_mission, load_mission
+from mpc_cover.planning.offline import PlanOptions, offline_task, plan_mission
+from mpc_cover.verification.check import check_trajectory
+from solvers.backends.registry import BACKENDS, backends_with_cones
+
+
+def test_an_offline_plan_of_the_demo_mission_is_complete_and_passes_the_check():
+    trajectory = plan_mission(load_mission("box-3"))
+    assert np.isfinite(trajectory.covered_at).all()
+    assert trajectory.time[-1] == pytest.approx(15.0)
+    assert check_trajectory(trajectory).holds
+
+
+@pytest.mark.parametrize("limit", [0.05, 1.0])
+def test_whatever_the_time_limit_the_plan_is_feasible(limit):
+    trajectory = plan_mission(load_mission("box-3"), PlanOptions(time_limit_s=limit))
+    assert check_trajectory(trajectory).holds
+
+
+@pytest.mark.parametrize("name", ["fig-3-1", "fig-3-4", "fixed-topology", "unequal-fleet"])
+def test_the_cases_of_the_thesis_pass_the_check(name):
+    trajectory = plan_mission(load_mission(name), PlanOptions(starts=4))
+    report = check_trajectory(trajectory)
+    assert report.holds, report.first_failure
+    assert np.isfinite(trajectory.covered_at).mean() > 0.98
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["fig-3-2", "fig-3-3", "fig-4-2", "fig-4-3", "fig-4-4", "fig-4-5", "volume-3"])
+def test_the_larger_cases_pass_the_check_too(name):
+    trajectory = plan_mission(load_mission(name))
+    report = check_trajectory(trajectory)
+    assert report.holds, report.first_failure
+    assert np.isfinite(trajectory.covered_at).mean() > 0.9
+
+
+def changed_box(**changes):
+    """Return box-3 on a 5 m square with changes of its area."""
+    spec = load_mission("box-3").spec.model_dump(by_alias=True, exclude_none=True)
+    spec["area"] |= {"shape": {"kind": "box", "min_m": [0, 0], "max_m": [5, 5]}, **changes}
+    spec["planning"]["duration_s"] = 12.0
+    return build_mission(spec, "mission")
+
+
+def test_several_looks_are_planned_and_counted():
+    trajectory = plan_mission(changed_box(looks=3), PlanOptions(starts=3))
+    assert trajectory.meta["cost_m"] == 0.0
+    assert np.isfinite(trajectory.covered_at).all()
+    assert check_trajectory(trajectory).holds
+
+
+def test_cells_of_weight_zero_are_no_cells_and_others_weigh_what_the_map_says():
+    mission = changed_box(weights={"values": [[1.0, 0.0], [2.0, 1.0]]})
+    task = offline_task(mission)
+    assert mission.field.size == 75
+    assert set(task.weight[0]) == {1.0, 2.0}
+    assert (mission.field.cell[task.weight[0] == 2.0] > [2.5, 0.0]).all()
+    assert plan_mission(mission, PlanOptions(starts=2)).meta["cost_m"] == 0.0
+
+
+def test_the_fault_of_any_sensor_leaves_everything_covered():
+    """Section 4.1: fly the robust plan with each of the three sensors struck out."""
+    spec = changed_box().spec.model_dump(by_alias=True, exclude_none=True)
+    spec["fleet"]["faults_tolerated"] = 1
+    spec["planning"]["duration_s"] = 16.0
+    mission = build_mission(spec, "robust")
+    trajectory = plan_mission(mission)
+    assert trajectory.meta["cost_m"] == 0.0
+    assert mission.fleet.magnitudes[0] == "coverage without a1"
+    for lost in range(3):
+        left = np.delete(trajectory.position, lost, axis=1).reshape(-1, 2)
+        nearest = np.linalg.norm(mission.field.cell[:, None] - left, axis=2).min(axis=1)
+        assert nearest.max() <= 1.0 + 1e-9
+
+
+def test_offline_planning_says_what_is_wrong():
+    spec = load_mission("box-3").spec.model_dump(by_alias=True)
+    spec["planning"]["duration_s"] = 0.6
+    with pytest.raises(InvalidInputError, match=r"planning\.duration_s"):
+        build_mission(spec, "mission")
+
+
+@pytest.mark.parametrize("name", BACKENDS)
+def test_exact_cones_are_for_back_ends_that_have_them_and_the_message_lists_those(name):
+    if name in backends_with_cones():
+        assert PlanOptions(name, exact_cones=True).exact_cones
+        return
+    with pytest.raises(UserError, match=f"{name} has no second-order cones.*{' or '.join(backends_with_cones())}"):
+        PlanOptions(name, exact_cones=True)

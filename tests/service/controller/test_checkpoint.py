@@ -1,0 +1,113 @@
+"""A successor finds what was covered, whatever happened to the disk."""
+
+import numpy as np
+import pytest
+from service_fakes import small_mission
+
+from mpc_cover.service.controller import state_directory
+from mpc_cover.service.controller.checkpoint import FileCheckpoints, pack, unpack
+from mpc_cover.service.controller.snapshot import Snapshot
+from mpc_cover.service.controller.state_directory import StateDirectory
+
+
+def snapshot(mission, mission_time_s=1.0, **fields):
+    first = np.full((1, mission.field.size), np.inf)
+    first[0, : int(mission_time_s)] = 0.5
+    return Snapshot(mission_time_s, {"first": first}, **fields)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    with StateDirectory(tmp_path / "state") as folder:
+        yield folder
+
+
+def checkpoints(folder, mission, **options):
+    return FileCheckpoints(folder, mission, **options)
+
+
+def test_what_is_kept_is_found(folder, mission):
+    kept = snapshot(mission, 7.25, origins={"a1-life": 93.5}, lost={"a2": [1.25, 0.5]}, heard={"a1-life": 71})
+    assert checkpoints(folder, mission).save(kept, now=True) is None
+    found, text = checkpoints(folder, mission).load()
+    assert (found.mission_time_s, found.finished, found.origins) == (7.25, False, {"a1-life": 93.5})
+    assert found.lost == {"a2": [1.25, 0.5]}
+    assert found.heard == {"a1-life": 71}
+    np.testing.assert_array_equal(found.map["first"], kept.map["first"])
+    assert "goes on from the checkpoint at mission time 7.2 s" in text or "7.3 s" in text
+
+
+def test_nothing_kept_nothing_said(folder, mission):
+    assert checkpoints(folder, mission).load() == (None, "")
+
+
+def test_torn_anywhere_the_older_one_is_found(folder, mission):
+    """At every byte."""
+    writer = checkpoints(folder, mission)
+    for time_s in (1.0, 2.0):
+        writer.save(snapshot(mission, time_s), now=True)
+    newest = max(folder.path.glob("coverage.*"), key=lambda path: unpack(path.read_bytes())[1])
+    data = newest.read_bytes()
+    for length in range(len(data)):
+        newest.write_bytes(data[:length])
+        assert checkpoints(folder, mission).load()[0].mission_time_s == 1.0
+    newest.write_bytes(data)
+    assert checkpoints(folder, mission).load()[0].mission_time_s == 2.0
+
+
+def test_a_flipped_bit_anywhere_is_seen(mission):
+    data = pack(snapshot(mission), "hash", 3)
+    assert unpack(data) is not None
+    for index in range(len(data)):
+        assert unpack(data[:index] + bytes([data[index] ^ 1]) + data[index + 1 :]) is None
+
+
+def test_when_both_are_damaged_it_starts_afresh_and_says_so(folder, mission):
+    writer = checkpoints(folder, mission)
+    for time_s in (1.0, 2.0):
+        writer.save(snapshot(mission, time_s), now=True)
+    for path in folder.path.glob("coverage.*"):
+        path.write_bytes(b"\0" * 100)
+    assert checkpoints(folder, mission).load() == (None, "no checkpoint is readable: starts afresh")
+
+
+def test_generations_go_on_after_a_restart(folder, mission):
+    for time_s in (1.0, 2.0, 3.0):
+        checkpoints(folder, mission).save(snapshot(mission, time_s), now=True)
+        assert checkpoints(folder, mission).load()[0].mission_time_s == time_s
+
+
+def test_another_mission_of_the_same_name_is_not_resumed(folder, mission):
+    checkpoints(folder, mission).save(snapshot(mission), now=True)
+    found, text = checkpoints(folder, small_mission(time_limit_s=5.0)).load()
+    assert found is None
+    assert "another version of this mission" in text
+
+
+def test_a_finished_mission_starts_afresh_and_says_so(folder, mission):
+    checkpoints(folder, mission).save(snapshot(mission, finished=True), now=True)
+    assert checkpoints(folder, mission).load() == (None, "the mission was finished: starts afresh")
+
+
+def test_it_is_written_once_a_second(folder, mission):
+    now = 0.0
+    writer = checkpoints(folder, mission, monotonic=lambda: now)
+    for now in (10.0, 10.5, 10.9, 11.0, 11.5):
+        writer.save(snapshot(mission, now), now=False)
+    assert checkpoints(folder, mission).load()[0].mission_time_s == 11.0
+
+
+def test_a_disk_that_is_full_is_told_and_the_older_one_stays(folder, mission, monkeypatch):
+    writer = checkpoints(folder, mission)
+    writer.save(snapshot(mission, 1.0), now=True)
+
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(state_directory.os, "fsync", full)
+    problem = writer.save(snapshot(mission, 2.0), now=True)
+    assert problem == "the checkpoint cannot be written: No space left on device; control goes on"
+    monkeypatch.undo()
+    assert checkpoints(folder, mission).load()[0].mission_time_s == 1.0
+    assert writer.save(snapshot(mission, 3.0), now=True) is None
+    assert checkpoints(folder, mission).load()[0].mission_time_s == 3.0
