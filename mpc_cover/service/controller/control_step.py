@@ -136,7 +136,11 @@ class ControlStep:
             self._emit("refused", f"the safety filter refuses a plan: {verdict.reason}; the previous plan goes on")
             return False
         self.failures = 0
-        self._law.published(proposal.trajectory)
+        try:
+            self._law.published(proposal.trajectory)
+        except Exception as error:  # noqa: BLE001 - it was sent all the same
+            self.failures += 1
+            self._tell("step-failed", f"the control law failed on hearing what was sent: {error!r}")
         return True
 
     def _log(

@@ -76,6 +76,25 @@ def test_a_law_is_told_of_exactly_what_was_sent(kind):
     assert not any(agent.rejected for agent in fleet)
 
 
+class DeafLaw(StraightSweepLaw):
+    """Fails once, on hearing what was sent."""
+
+    def published(self, trajectory):
+        if len(self.sent) == 3:
+            self.sent.append(trajectory)
+            raise RuntimeError("deaf")
+        super().published(trajectory)
+
+
+def test_a_law_that_fails_on_hearing_what_was_sent_is_a_failed_step_and_the_flight_goes_on(bench, fleet):
+    law = DeafLaw(bench.mission)
+    controller = bench.controller(law)
+    bench.run(controller)
+    assert controller.phase is Phase.COMPLETE
+    assert sum("failed on hearing what was sent: RuntimeError('deaf')" in said for said in bench.said) == 1
+    assert not any(agent.rejected for agent in fleet)
+
+
 def test_a_plan_has_the_planning_time_at_rest_and_its_part_of_a_period_in_flight(bench, fleet, law):
     controller = bench.controller(law)
     bench.run(controller, until=lambda: controller.done)
