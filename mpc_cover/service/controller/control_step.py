@@ -140,7 +140,7 @@ class ControlStep:
             self._law.published(proposal.trajectory)
         except Exception as error:  # noqa: BLE001 - it was sent all the same
             self.failures += 1
-            self._tell("step-failed", f"the control law failed on hearing what was sent: {error!r}")
+            self._emit("step-failed", f"the control law failed on hearing what was sent: {error!r}")
         return True
 
     def _log(
