@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from mpc_cover.control.controller_name import ControllerName
 from mpc_cover.errors import InvalidInputError, Problem, UserError
 from mpc_cover.mission.load import Mission, build_mission
 from mpc_cover.mission.load import load_mission as read_mission
@@ -151,16 +152,17 @@ def simulate(
     """
     import numpy as np  # noqa: PLC0415 - as above
 
+    from mpc_cover.service.controller.step_log import StepKind  # noqa: PLC0415
     from mpc_cover.service.run.fault_injection import check_deaths  # noqa: PLC0415
     from mpc_cover.service.run.simulate import simulate as fly  # noqa: PLC0415
 
     loaded, killed = load_mission(mission), dict(deaths or {})
     _refuse("simulate", [*_no_seed(seed), *_no_controller(controller, backend)])
     check_deaths(killed, loaded)
-    if controller == "potential":
+    if controller == ControllerName.POTENTIAL:
         return _simulate_potential(loaded, seed, killed)
     flown = fly(loaded, backend=backend or "piqp", seed=seed, deaths=killed)
-    times = np.array([step.tick_time_s for step in flown.steps if step.kind == "step"], dtype=float)
+    times = np.array([step.tick_time_s for step in flown.steps if step.kind is StepKind.STEP], dtype=float)
     return SimulationResult(flown.trajectory, flown.complete, flown.outcome, flown.lost, times, tuple(flown.events))
 
 
@@ -215,7 +217,7 @@ def _simulate_potential(mission: Mission, seed: int, deaths: Mapping[str, float]
 
     check_flyable(mission)
     flown = fly_swarm(mission, seed=seed, deaths=deaths)
-    times = np.array([taken for each in flown.decide_s.values() for taken in each], dtype=float)
+    times = np.array([taken for each in flown.decision_times_s.values() for taken in each], dtype=float)
     return SimulationResult(flown.trajectory, flown.complete, flown.outcome, flown.lost, times, tuple(flown.events))
 
 
@@ -230,9 +232,9 @@ def _no_seed(seed: int) -> list[Problem]:
 
 
 def _no_controller(controller: str, backend: str | None) -> list[Problem]:
-    if controller not in {"mpc", "potential"}:
+    if controller not in {ControllerName.MPC, ControllerName.POTENTIAL}:
         return [Problem("controller", controller, "must be mpc or potential")]
-    if controller == "potential" and backend is not None:
+    if controller == ControllerName.POTENTIAL and backend is not None:
         return [Problem("backend", backend, "the potential law solves no QP: leave it out")]
     return []
 

@@ -1,4 +1,4 @@
-"""Array types used in signatures, and arrays that many may hold."""
+"""Array types used in signatures, and read-only arrays for sharing."""
 
 from __future__ import annotations
 
@@ -15,6 +15,6 @@ _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
 def read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
-    """Return the array itself, which nobody can write to from now on: for what is worked out once and handed out."""
+    """Return the array itself, made read-only: for arrays that are computed once and shared."""
     array.setflags(write=False)
     return array

@@ -1,4 +1,4 @@
-"""Clocks that are handed in, so that a test can replace them."""
+"""Clocks, which are passed in so that tests can replace them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class Clock(Protocol):
-    """A monotonic clock in seconds; wall clocks may jump, so nothing here uses them."""
+    """A monotonic clock in seconds; wall clocks are not used, as they may jump."""
 
     def now(self) -> float:
         """Return the time [s] since an arbitrary origin."""

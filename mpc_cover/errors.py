@@ -1,4 +1,4 @@
-"""What a user did wrong: one clear message, exit status 2, never a traceback."""
+"""Errors of users: one clear message, exit status 2, never a traceback."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 
 class UserError(Exception):
-    """A mistake that the user can mend; the message names what, where and what would be right."""
+    """A mistake that the user can correct; the message says what is wrong, where, and what would be right."""
 
 
 _SHORT = reprlib.Repr()
-"""Shows a line of a value, even of one that nested YAML aliases blow up to gigabytes."""
+"""Shows one line of a value, even of one that nested YAML aliases expand to gigabytes."""
 _SHORT.maxlevel = 4
 _SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 80
 
@@ -46,4 +46,4 @@ class InvalidInputError(UserError):
 
 
 class UnreadableFileError(UserError):
-    """A file that is missing, truncated or not what it should be."""
+    """A file that is missing, truncated or malformed."""

@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,14 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
 
 
+class RecordingKind(StrEnum):
+    """How a recording was made: `meta["kind"]`."""
+
+    PLAN = "plan"
+    SIMULATE = "simulate"
+    DEMO = "demo"
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording(Trajectory):
     """A fleet's motion from the start of the mission on, and what it measured.
@@ -29,7 +38,7 @@ class Recording(Trajectory):
     covered_at : (K,) [s], the first sample by which every magnitude was measured; inf where never.
     agent_id : (m,) names.
     mission : the whole mission.
-    meta : version, seed, back-end, kind ("plan", "simulate", "demo") and whatever else is worth keeping.
+    meta : version, seed, back-end, kind (a `RecordingKind`) and further facts about the run.
     """
 
     cell: FloatArray
@@ -42,8 +51,7 @@ class Recording(Trajectory):
 def save_trajectory(trajectory: Recording, path: str | Path) -> None:
     """Write the `.npz`; `meta` is a JSON string that holds the whole mission under "mission".
 
-    The same trajectory gives the same bytes: nothing of the wall clock goes in. The file appears whole or
-    not at all.
+    The same trajectory gives the same bytes: no wall-clock time is written. The file is written atomically.
 
     Raises
     ------

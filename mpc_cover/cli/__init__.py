@@ -1,4 +1,4 @@
-"""The command line, a file a command; a user's mistake is one message and exit status 2."""
+"""The command line, one file per command; a user's mistake is one message and exit status 2."""
 
 from __future__ import annotations
 

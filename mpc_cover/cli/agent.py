@@ -8,7 +8,16 @@ from typing import Annotated
 import typer
 
 from mpc_cover.cli.network_options import Config, Connect, Listen, Timeout, WithParent, network_options
-from mpc_cover.cli.options import Controller, MissionArgument, Seed, Speed, check_speed, is_distributed, load
+from mpc_cover.cli.options import (
+    ControllerOption,
+    MissionArgument,
+    Seed,
+    Speed,
+    check_speed,
+    controller_for,
+    load,
+)
+from mpc_cover.control.controller_name import ControllerName
 
 
 def agent(
@@ -23,7 +32,7 @@ def agent(
     ] = None,
     seed: Seed = 0,
     speed: Speed = 1.0,
-    controller: Controller = "mpc",
+    controller: ControllerOption = ControllerName.MPC.value,
     with_parent: WithParent = False,
 ) -> None:
     """Be one simulated agent: fly the plans that come, each to its end at rest, until a signal comes.
@@ -34,15 +43,15 @@ def agent(
     when all know that everything is covered. Without endpoints the agents of a mission find each other on loopback.
     """
     from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT  # noqa: PLC0415 - --help needs none of these
-    from mpc_cover.service.run.serve import AgentOptions, fly  # noqa: PLC0415
+    from mpc_cover.service.run.serve import AgentOptions, run_agent  # noqa: PLC0415
 
     check_speed(speed)
     loaded = load(mission)
     options = AgentOptions(speed, record, with_parent, seed)
-    if is_distributed(controller, loaded):
-        from mpc_cover.service.run.swarm_serve import fly_alone  # noqa: PLC0415
+    if controller_for(controller, loaded) is ControllerName.POTENTIAL:
+        from mpc_cover.service.run.swarm_daemon import run_swarm_agent  # noqa: PLC0415
 
         network = network_options(connect, listen, config, connect_timeout)
-        raise typer.Exit(fly_alone(loaded, agent_id, options, network))
+        raise typer.Exit(run_swarm_agent(loaded, agent_id, options, network))
     network = network_options(connect, listen, config, connect_timeout, default_connect=DEFAULT_ENDPOINT)
-    raise typer.Exit(fly(loaded, agent_id, options, network))
+    raise typer.Exit(run_agent(loaded, agent_id, options, network))

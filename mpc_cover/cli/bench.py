@@ -1,4 +1,4 @@
-"""`mpc-cover bench`: what the planner takes, against general-purpose solvers and part by part."""
+"""`mpc-cover bench`: benchmarks of the planner, against general-purpose solvers and part by part."""
 
 from __future__ import annotations
 
@@ -57,16 +57,16 @@ def planner(
 
     check_seconds("--time-limit", time_limit)
     loaded, console, limit = load(mission), console_for(as_json=as_json), Limit(time_limit, cpu_time)
-    require_double(loaded)  # what no planner of ours can plan is no race
+    require_double(loaded)  # the planner cannot plan for single integrators
     if out is not None:
         benchmark.check_folder(out)
     with console.status("starting") as status:
 
-        def told(name: str, run: Run) -> None:
+        def show(name: str, run: Run) -> None:
             best = f"J = {run.best.verdict.cost:.4g} m" if run.best is not None else "no iterate yet"
             status.update(f"from {name}: {run.name}, {run.time_s:.1f} s, {best}")
 
-        races = benchmark.run_benchmark(loaded, guess, peers, limit, told)
+        races = benchmark.run_benchmark(loaded, guess, peers, limit, show)
     for race in races:
         before = f"guess: J = {race.before.cost:.4g} m, {race.before.covered_percent:.2f} % covered"
         title = f"{loaded.spec.name} from {race.guess} ({before}); violations up to {TOLERANCE:g} are forgiven"

@@ -1,4 +1,4 @@
-"""`mpc-cover check`: what holds of a trajectory, and by what margin."""
+"""`mpc-cover check`: verifies a trajectory."""
 
 from __future__ import annotations
 

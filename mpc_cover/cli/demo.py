@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from mpc_cover.cli.options import (
-    Controller,
+    ControllerOption,
     FlightBackend,
     Json,
     Kill,
@@ -17,17 +17,18 @@ from mpc_cover.cli.options import (
     Speed,
     check_speed,
     console_for,
+    controller_for,
     finish,
     flight_backend,
-    is_distributed,
     load,
 )
+from mpc_cover.control.controller_name import ControllerName
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.run.demo_options import DemoOptions
+    from mpc_cover.service.run.demo_processes import DemoOptions
     from mpc_cover.service.run.run_folder import RunFolder
     from mpc_cover.verification.summary import RunSummary
 
@@ -39,20 +40,22 @@ def demo(
     backend: FlightBackend = None,
     speed: Speed = 1.0,
     kill: Kill = None,
-    controller: Controller = "mpc",
+    controller: ControllerOption = ControllerName.MPC.value,
     as_json: Json = False,
 ) -> None:
     """Fly a mission with a controller and its agents as real processes over Zenoh on loopback."""
-    from mpc_cover.service.run.demo_options import DemoOptions  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.service.run.demo_processes import DemoOptions  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.service.run.fault_injection import parse_kills  # noqa: PLC0415
     from mpc_cover.service.run.run_folder import RunFolder, default_folder  # noqa: PLC0415
+    from mpc_cover.trajectory_file import RecordingKind  # noqa: PLC0415
 
     check_speed(speed)
     solver = flight_backend(backend, controller)
     loaded = load(mission)
     deaths = parse_kills(kill or [], loaded)
-    fly = _fly_distributed if is_distributed(controller, loaded) else _fly_centralised
-    folder = RunFolder(out or default_folder(loaded), "demo", loaded)
+    distributed = controller_for(controller, loaded) is ControllerName.POTENTIAL
+    fly = _fly_distributed if distributed else _fly_centralised
+    folder = RunFolder(out or default_folder(loaded), RecordingKind.DEMO, loaded)
     console = console_for(as_json=as_json)
     fleet = f"{loaded.fleet.size} agents, {loaded.field.size} cells"
     console.print(f"{loaded.spec.name}: {fleet}; run folder {folder.path}", highlight=False, markup=False)
@@ -64,7 +67,7 @@ def demo(
 def _fly_centralised(
     mission: Mission, options: DemoOptions, folder: RunFolder, console: Console
 ) -> tuple[RunSummary | None, dict[str, Any], int]:
-    """Fly with a controller; return the summary, what else there is to say, and the exit status."""
+    """Fly with a controller; return the summary, further results, and the exit status."""
     from mpc_cover.service.run.demo import run_demo  # noqa: PLC0415 - as above
 
     result = run_demo(mission, options, folder, console)
@@ -81,9 +84,10 @@ def _fly_centralised(
 def _fly_distributed(
     mission: Mission, options: DemoOptions, folder: RunFolder, console: Console
 ) -> tuple[RunSummary | None, dict[str, Any], int]:
-    """Fly by the potential law, one process an agent; returns as `_fly_centralised` does."""
+    """Fly by the potential law, one process per agent; returns as `_fly_centralised` does."""
     from mpc_cover.service.run.swarm_demo import run_swarm_demo  # noqa: PLC0415 - as above
 
     result = run_swarm_demo(mission, options, folder, console)
-    extra = {"folder": str(folder.path), "outcome": result.outcome, "exit_status": result.exit_status}
-    return result.summary, {**extra, "controller": "potential", "lost": list(result.lost)}, result.exit_status
+    extra: dict[str, Any] = {"folder": str(folder.path), "outcome": result.outcome, "exit_status": result.exit_status}
+    extra |= {"controller": ControllerName.POTENTIAL, "lost": list(result.lost)}
+    return result.summary, extra, result.exit_status

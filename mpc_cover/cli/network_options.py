@@ -1,4 +1,4 @@
-"""The options of whoever joins the network."""
+"""Options of the commands that join the network."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def network_options(
     default_connect: str | None = None,
     default_listen: str | None = None,
 ) -> NetworkOptions:
-    """Return the options; the defaults hold only when nothing else is said."""
+    """Return the options; the defaults apply only when neither endpoints nor a configuration are given."""
     from mpc_cover.service.protocol.network import NetworkOptions  # noqa: PLC0415
 
     if not math.isfinite(timeout) or timeout < 0.0:

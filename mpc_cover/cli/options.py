@@ -1,4 +1,4 @@
-"""What several commands share: options, their checks, and how results are printed."""
+"""Shared by several commands: options, their validation, and the printing of results."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mpc_cover.control.controller_name import ControllerName
 from mpc_cover.errors import UserError
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
 
 DEFAULT_BACKEND = "piqp"
-CONTROLLERS = ("mpc", "potential")
+CONTROLLERS = (ControllerName.MPC, ControllerName.POTENTIAL)
 
 MissionArgument = Annotated[
     str, typer.Argument(metavar="MISSION", help="A mission file (YAML), or the name of one that comes along, as box-3.")
@@ -36,7 +37,7 @@ FlightBackend = Annotated[
         "--backend", metavar="NAME", help="QP back-end of the mpc controller: piqp (the default), clarabel or osqp."
     ),
 ]
-Controller = Annotated[
+ControllerOption = Annotated[
     str, typer.Option("--controller", metavar="NAME", help="mpc, or potential: no controller, each agent by itself.")
 ]
 Seed = Annotated[
@@ -76,13 +77,13 @@ def check_speed(speed: float) -> None:
 
 
 def check_seconds(option: str, seconds: float) -> None:
-    """Refuse what is no time to work in."""
+    """Refuse a duration that is not positive and finite."""
     if not math.isfinite(seconds) or seconds <= 0.0:
         raise UserError(f"{option} {seconds:g}: must be a number of seconds greater than 0")
 
 
 def check_backend(name: str) -> None:
-    """Refuse a QP back-end that there is not."""
+    """Refuse an unknown QP back-end."""
     from solvers.backends.registry import BACKENDS  # noqa: PLC0415 - imports no back-end
 
     if name not in BACKENDS:
@@ -95,46 +96,46 @@ def flight_backend(name: str | None, controller: str) -> str:
     Raises
     ------
     UserError
-        There is no such back-end, or nothing that it could solve.
+        There is no such back-end, or the controller solves no QP.
     """
     if name is None:
         return DEFAULT_BACKEND
     check_backend(name)
-    if controller == "potential":
+    if controller == ControllerName.POTENTIAL:
         raise UserError(f"--backend {name}: the potential law solves no QP: leave --backend out, or use mpc")
     return name
 
 
-def is_distributed(controller: str, mission: Mission) -> bool:
-    """Return whether each agent flies by the potential law, without a controller.
+def controller_for(name: str, mission: Mission) -> ControllerName:
+    """Return the controller of a name, which can fly the mission.
 
     Raises
     ------
     UserError
         There is no such controller, or it cannot fly the mission.
     """
-    if controller not in CONTROLLERS:
-        raise UserError(f"--controller {controller}: is none: must be one of {', '.join(CONTROLLERS)}")
-    if controller == "potential":
+    if name not in CONTROLLERS:
+        raise UserError(f"--controller {name}: is none: must be one of {', '.join(CONTROLLERS)}")
+    if name == ControllerName.POTENTIAL:
         from mpc_cover.distributed.setup import check_flyable  # noqa: PLC0415 - others need not wait for it
 
         check_flyable(mission)
-        return True
-    from mpc_cover.control.factory import require_double  # noqa: PLC0415 - likewise
+    else:
+        from mpc_cover.control.factory import require_double  # noqa: PLC0415 - likewise
 
-    require_double(mission)
-    return False
+        require_double(mission)
+    return ControllerName(name)
 
 
 def cores() -> int:
-    """Return how many runs this machine can do at a time."""
+    """Return how many runs this machine can execute at a time."""
     from joblib import cpu_count  # noqa: PLC0415 - it knows the limits of containers
 
     return int(cpu_count())
 
 
 def console_for(*, as_json: bool) -> Console:
-    """Return where people read: stderr when stdout is for machines."""
+    """Return the console for users: stderr when stdout is for machines."""
     from rich.console import Console  # noqa: PLC0415 - agents need none
 
     return Console(stderr=as_json)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,13 @@ import typer
 
 from mpc_cover.cli.options import Backend, Json, Seed, check_backend, check_seconds, console_for, finish, print_json
 from mpc_cover.errors import UserError
+
+
+class Cones(StrEnum):
+    """How discs of speeds, inputs and edges are constrained."""
+
+    POLYGONS = "polygons"
+    EXACT = "exact"
 
 
 def plan(
@@ -34,7 +42,7 @@ def plan(
     cones: Annotated[
         str,
         typer.Option("--cones", help="Speeds, inputs, edges as polygons inside their discs, or exact, by cones."),
-    ] = "polygons",
+    ] = Cones.POLYGONS.value,
     profile: Annotated[bool, typer.Option("--profile", help="Show where the time goes.")] = False,
     seed: Seed = 0,
     backend: Backend = "piqp",
@@ -49,9 +57,9 @@ def plan(
         check_seconds("--time-limit", time_limit)
     if mission is not None and everything is not None:
         raise UserError(f"MISSION {mission} and --all {everything} are both given: plan one mission, or a folder")
-    if cones not in {"polygons", "exact"}:
+    if cones not in set(Cones):
         raise UserError(f"--cones {cones}: must be polygons or exact")
-    options = PlanOptions(backend, seed, starts, time_limit, min_time, cones == "exact")
+    options = PlanOptions(backend, seed, starts, time_limit, min_time, cones == Cones.EXACT)
     console, several = console_for(as_json=as_json), everything is not None
     results = plan_files(everything or mission or "box-3", out, options, console, folder=several, profile=profile)
     for summary, extra in results:

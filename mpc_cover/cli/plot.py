@@ -1,4 +1,4 @@
-"""`mpc-cover plot`: pictures of a trajectory."""
+"""`mpc-cover plot`: figures of a trajectory."""
 
 from __future__ import annotations
 

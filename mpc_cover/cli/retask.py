@@ -46,10 +46,10 @@ def retask(
 
 
 def _print(reply: CommandReply, name: str, *, as_json: bool) -> None:
-    """Say what the controller said: what it refuses on stderr."""
+    """Print the controller's reply; a refusal goes to stderr."""
     if as_json:
-        said = {"accepted": reply.accepted, "phase": reply.phase, "text": reply.text, "problems": reply.problems}
-        print_json({"mission": name, **said})
+        result = {"accepted": reply.accepted, "phase": reply.phase, "text": reply.text, "problems": reply.problems}
+        print_json({"mission": name, **result})
     if reply.accepted:
         typer.echo(reply.text, err=as_json)
     else:

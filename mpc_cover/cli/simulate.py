@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from mpc_cover.cli.options import (
-    Controller,
+    ControllerOption,
     FlightBackend,
     Json,
     Kill,
@@ -15,11 +15,12 @@ from mpc_cover.cli.options import (
     RunOut,
     Seed,
     console_for,
+    controller_for,
     finish,
     flight_backend,
-    is_distributed,
     load,
 )
+from mpc_cover.control.controller_name import ControllerName
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,18 +38,19 @@ def simulate(
     seed: Seed = 0,
     backend: FlightBackend = None,
     kill: Kill = None,
-    controller: Controller = "mpc",
+    controller: ControllerOption = ControllerName.MPC.value,
     as_json: Json = False,
 ) -> None:
     """Fly the same closed loop in one process on a virtual clock: no network, the same result every time."""
     from mpc_cover.service.run.fault_injection import parse_kills  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.service.run.run_folder import RunFolder, default_folder  # noqa: PLC0415
+    from mpc_cover.trajectory_file import RecordingKind  # noqa: PLC0415
 
     solver = flight_backend(backend, controller)
     loaded = load(mission)
     deaths = parse_kills(kill or [], loaded)
-    distributed = is_distributed(controller, loaded)
-    folder = RunFolder(out or default_folder(loaded), "simulate", loaded)
+    distributed = controller_for(controller, loaded) is ControllerName.POTENTIAL
+    folder = RunFolder(out or default_folder(loaded), RecordingKind.SIMULATE, loaded)
     console = console_for(as_json=as_json)
     if distributed:
         summary, extra, status = _fly_distributed(loaded, seed, deaths, folder, console)
@@ -61,14 +63,15 @@ def simulate(
 def _fly_centralised(
     mission: Mission, backend: str, seed: int, deaths: Mapping[str, float], folder: RunFolder, console: Console
 ) -> tuple[RunSummary, dict[str, Any], int]:
-    """Fly with a controller; return the summary, what else there is to say, and the exit status."""
-    from mpc_cover.service.run.progress import Progress  # noqa: PLC0415 - as above
+    """Fly with a controller; return the summary, further results, and the exit status."""
+    from mpc_cover.service.controller.step_log import StepKind  # noqa: PLC0415 - as above
+    from mpc_cover.service.run.progress import Progress  # noqa: PLC0415
     from mpc_cover.service.run.run_folder import step_times_of  # noqa: PLC0415
     from mpc_cover.service.run.simulate import simulate as run_simulation  # noqa: PLC0415
 
     with Progress(console) as progress:
         result = run_simulation(mission, backend=backend, seed=seed, deaths=deaths, on_tick=progress.show)
-    times = step_times_of([step.tick_time_s for step in result.steps if step.kind == "step"])
+    times = step_times_of([step.tick_time_s for step in result.steps if step.kind is StepKind.STEP])
     console.print(result.outcome, highlight=False, markup=False, soft_wrap=True)
     ended = {"complete": result.complete, "outcome": result.outcome, "lost": list(result.lost)}
     summary = folder.write(result.trajectory, times, ended)
@@ -87,17 +90,17 @@ def _fly_distributed(
     with Progress(console) as progress:
         flight = fly_swarm(mission, seed=seed, deaths=deaths, on_tick=progress.show)
     console.print(flight.outcome, highlight=False, markup=False, soft_wrap=True)
-    every = np.array([taken for each in flight.decide_s.values() for taken in each])
+    times = np.array([time_s for each in flight.decision_times_s.values() for time_s in each])
     extra: dict[str, Any] = {
         "complete": flight.complete,
         "outcome": flight.outcome,
-        "controller": "potential",
+        "controller": ControllerName.POTENTIAL,
         "lost": list(flight.lost),
         "messages": flight.messages,
         "bytes": flight.bytes,
     }
     if flight.estimate_errors:
         extra["estimate_rms_errors"] = flight.estimate_errors
-    summary = folder.write(flight.trajectory, every, extra)
+    summary = folder.write(flight.trajectory, times, extra)
     extra["folder"] = str(folder.path)
     return summary, extra, 0 if flight.complete and summary.holds else 1

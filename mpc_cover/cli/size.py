@@ -1,4 +1,4 @@
-"""`mpc-cover size`: how many agents for a rate of measurement."""
+"""`mpc-cover size`: the number of agents for a rate of measurement."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ def size(
 
     console = console_for(as_json=as_json)
 
-    def told(text: str) -> None:
+    def show(text: str) -> None:
         console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     problem = sizing_problem(area, radius, speed, cover)
     options = SizingOptions(rate, parse_numbers(agents), seeds, horizon_seeds, seed)
     if out is not None:
         make_folder(out)
-    answer = answer_of(problem, options, told)
-    told(answer.text)
+    answer = answer_of(problem, options, show)
+    show(answer.text)
     for file in draw_sizing(answer, out) if out is not None else []:
-        told(f"written to {file}")
+        show(f"written to {file}")
     if as_json:
         print_json(answer.to_dict())

@@ -1,4 +1,4 @@
-"""`mpc-cover study`: many flights, measured alike."""
+"""`mpc-cover study`: studies of many flights, measured alike."""
 
 from __future__ import annotations
 
@@ -125,9 +125,9 @@ def horizon(
         controllers=_listed(controllers),
         starts=starts,
     )
-    crew = DaskExecutor(dask) if dask is not None else LocalExecutor(jobs or cores())
+    executor = DaskExecutor(dask) if dask is not None else LocalExecutor(jobs or cores())
     command = shlex.join(["mpc-cover", *sys.argv[1:]])
-    result = run_study(grid, out, crew, console_for(as_json=as_json), command=command)
+    result = run_study(grid, out, executor, console_for(as_json=as_json), command=command)
     if as_json:
         print_json({"folder": str(out), **result.to_dict()})
     raise typer.Exit(result.exit_status)

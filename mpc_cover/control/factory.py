@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mpc_cover.errors import UserError
+from mpc_cover.mission.config import Dynamics
 
 if TYPE_CHECKING:
     from mpc_cover.control.control_law import ControlLaw
@@ -19,7 +20,7 @@ def require_double(mission: Mission) -> None:
     UserError
         The mission's agents are single integrators.
     """
-    if mission.spec.fleet.dynamics == "single":
+    if mission.spec.fleet.dynamics is Dynamics.SINGLE:
         right = "plans are for double integrators: fly it with --controller potential"
         raise UserError(f"mission {mission.spec.name}: fleet.dynamics single: {right}")
 

@@ -1,13 +1,13 @@
-"""One agent that runs the distributed law by itself: it hears neighbours, relays what it knows, and stays safe.
+"""One agent that runs the distributed law by itself: it hears its neighbours, relays what it knows, and stays safe.
 
-Once a sample every agent sends its state and the news that it has not passed on yet, hears those within rho_C,
-decides on its input, and promises the state that it leads to before it applies it. What an agent knows of those
-farther away is as old as the way is long (5.2.1.1).
+Once a sample every agent sends its state and the reports that it has not relayed yet, receives those of agents within
+rho_C, decides on its input, and announces the state that the input leads to before applying it. What an agent knows of
+those farther away is as old as the path to them is long (5.2.1.1).
 
-Whoever is silent makes its neighbours brake (`hearing`), and is taken for lost in the end: by then it is at rest, in
-the stopping ball of its last state, or of the state that it promised after that. Whoever is known, but neither heard
-nor waited for, is an obstacle in both, and no part of the tree.
-What is assumed: two agents hear each other once between rho_C and the distance at which they could meet.
+An agent that falls silent makes its neighbours brake (`failure_detector`), and is finally taken for lost: by then it is
+at rest, in the stopping ball of its last state, or of the state that it announced after that. Agents that are known,
+but neither heard nor waited for, are obstacles in both balls, and no part of the tree.
+Assumption: two agents hear each other at least once between rho_C and the distance at which they could meet.
 """
 
 from __future__ import annotations
@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 import numpy as np
 
 from mpc_cover.distributed.delayed_measurements import DelayedMeasurements
+from mpc_cover.distributed.desired_velocity import DesiredVelocity
 from mpc_cover.distributed.failure_detector import NeighbourFailureDetector
 from mpc_cover.distributed.message_relay import MessageRelay
 from mpc_cover.distributed.neighbourhood import Neighbourhood, keep_links
-from mpc_cover.distributed.obstacle_detour import detour
-from mpc_cover.distributed.potential_law import Bounds, PotentialLaw, random_signal
-from mpc_cover.distributed.stall_escape import StallEscape
-from mpc_cover.distributed.state_report import Report
+from mpc_cover.distributed.potential_law import Bounds, EdgeRule, PotentialLaw
+from mpc_cover.distributed.state_report import StateReport
 from mpc_cover.information.delayed_map import HeardMap, TakesLooks
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ M = TypeVar("M", bound=TakesLooks)
 
 
 class AgentController(Generic[M]):
-    """An agent of a fleet.
+    """The distributed controller of one agent of a fleet.
 
     Parameters
     ----------
@@ -60,7 +59,7 @@ class AgentController(Generic[M]):
     Attributes
     ----------
     known : the map, which over-estimates what is left.
-    newest : the newest state of each agent that is known of, by index; before word of it its start, as sample -1.
+    newest : the newest state report of each known agent, by index; before the first its start, as sample -1.
 
     Raises
     ------
@@ -83,47 +82,48 @@ class AgentController(Generic[M]):
         double: bool = True,
         sensor: Sensing | None = None,
     ) -> None:
-        self._fleet, self._field, self._index, self._rng = fleet, field, index, rng
+        self._fleet, self._field, self._index = fleet, field, index
         self._parameters, self._coordination = parameters, coordination
         self._double = double
-        self._able = (fleet.radius[index] > 0.0).astype(float)
-        self._heard = HeardMap(known, fleet.size)
+        self._desired = DesiredVelocity(
+            fleet, field, index, coordination=coordination, parameters=parameters, order=order, rng=rng
+        )
+        self._received = HeardMap(known, fleet.size)
         self._sensor = sensor
-        self._looks = DelayedMeasurements(known, sensing, parameters.delay, reads=sensor is not None)
-        self._escape = StallEscape(order, parameters.patience)
-        self._hearing = NeighbourFailureDetector(fleet, index, parameters.period_s, parameters.lost_after)
+        self._measurements = DelayedMeasurements(known, sensing, parameters.delay, reads=sensor is not None)
+        self._failures = NeighbourFailureDetector(fleet, index, parameters.period_s, parameters.lost_after)
         self._relay = MessageRelay(fleet.size)
-        self._surroundings = Neighbourhood(
+        self._neighbourhood = Neighbourhood(
             fleet,
             parameters.period_s,
             double=double,
             lost_after=parameters.lost_after,
             margin_m=parameters.lost_margin_m,
         )
-        self._promised: dict[int, Report] = {}
+        self._promised: dict[int, StateReport] = {}
         rest = np.zeros(fleet.dimension)
-        self.newest = {j: Report(j, -1, 0.0, at, rest) for j, at in enumerate(fleet.start) if j != index}
+        self.newest = {j: StateReport(j, -1, 0.0, at, rest) for j, at in enumerate(fleet.start) if j != index}
         self.known = known
         self._law_for(np.arange(fleet.size))
 
     @property
     def lost(self) -> BoolArray:
-        """(m,) who is taken for lost."""
-        return self._hearing.lost
+        """(m,) which agents are taken for lost."""
+        return self._failures.lost
 
-    def hear(self, reports: Iterable[Report]) -> None:
-        """Take what a neighbour sent: its own state or promise, and its news. Repeats and old ones do no harm."""
+    def receive(self, reports: Iterable[StateReport]) -> None:
+        """Take in what a neighbour sent: its own state or promise, and relayed reports. Repeated ones are harmless."""
         for report in reports:
             if report.promised:
                 last = self._promised.get(report.agent)
                 if last is None or report.sample > last.sample:
                     self._promised[report.agent] = report
-                    self._relay.learn(report)
+                    self._relay.forward(report)
                 continue
-            if not self._heard.note(report.agent, report.sample):
+            if not self._received.note(report.agent, report.sample):
                 continue
-            self._relay.learn(report)
-            self._looks.hear(report, self._own_sample)
+            self._relay.forward(report)
+            self._measurements.receive(report, self._own_sample)
             known = self.newest.get(report.agent)
             if known is None or report.sample > known.sample:
                 self.newest[report.agent] = report
@@ -141,15 +141,15 @@ class AgentController(Generic[M]):
 
     @property
     def missing(self) -> list[int]:
-        """(m,) the first sample of each agent that has not been heard."""
-        return [self._heard.missing(agent) for agent in range(self._fleet.size)]
+        """(m,) the first sample of each agent that has not been received."""
+        return [self._received.missing(agent) for agent in range(self._fleet.size)]
 
-    def hear_lack(self, neighbour: int, missing: Sequence[int]) -> None:
-        """Note what a neighbour says that it lacks: its `missing`."""
-        self._relay.lacks(neighbour, missing)
+    def receive_missing(self, neighbour: int, missing: Sequence[int]) -> None:
+        """Note which samples a neighbour says that it has not received: its `missing`."""
+        self._relay.note_missing(neighbour, missing)
 
-    def news(self) -> list[Report]:
-        """Return what was learnt since the last call and what neighbours lack, to be sent with the own state."""
+    def reports_to_relay(self) -> list[StateReport]:
+        """Return reports received since the last call, and those that neighbours miss, to be sent with the own one."""
         return self._relay.take()
 
     def report(
@@ -159,23 +159,25 @@ class AgentController(Generic[M]):
         position: FloatArray,
         velocity: FloatArray,
         looked: tuple[float, FloatArray | None] | None = None,
-    ) -> Report:
+    ) -> StateReport:
         """Return the own state as it is sent, and take it in.
 
-        `looked` is when [s] and where (d,) [m] the agent has looked around; left out, at this sample.
+        `looked` is when [s] and where (d,) [m] the agent has measured; left out, at this sample.
         """
         when, where = (time_s, position) if looked is None else looked
         readings = None if self._sensor is None or where is None else self._read(self._sensor, when, where)
-        seen = Report(self._index, sample, time_s, position, velocity, looked=where, looked_s=when, readings=readings)
-        self._looks.take(seen)
-        self._looks.catch_up(sample)
+        seen = StateReport(
+            self._index, sample, time_s, position, velocity, looked=where, looked_s=when, readings=readings
+        )
+        self._measurements.take(seen)
+        self._measurements.release_due(sample)
         own = replace(
             seen,
-            heard=self._hearing.heard_before,
+            heard=self._failures.heard_before,
             complete=not (self.known.residual > 0.0).any(),
         )
-        self._heard.note(self._index, sample)
-        self._relay.keep(own)
+        self._received.note(self._index, sample)
+        self._relay.store(own)
         self.newest[self._index] = own
         return own
 
@@ -183,7 +185,7 @@ class AgentController(Generic[M]):
         """Return what the own sensor reads of all that is in range of a (d,) position [m] at a mission time [s]."""
         return sensor.looks(time_s, position[None], np.array([self._index])).value
 
-    def promise(self, own: Report, command: FloatArray) -> Report:
+    def promise(self, own: StateReport, command: FloatArray) -> StateReport:
         """Return the state that an input (d,), as `decide` gives it, leads to; to be sent before it is applied."""
         period = self._parameters.period_s
         if self._double:
@@ -191,65 +193,44 @@ class AgentController(Generic[M]):
             velocity = own.velocity + period * command
         else:
             position, velocity = own.position + period * command, np.zeros_like(command)
-        return Report(self._index, own.sample + 1, own.time_s + period, position, velocity, promised=True)
+        return StateReport(self._index, own.sample + 1, own.time_s + period, position, velocity, promised=True)
 
-    def brake(self, own: Report) -> FloatArray:
-        """Return the input (d,) that brakes, for which everyone's sets leave room."""
-        return self._surroundings.brake(own)
+    def brake(self, own: StateReport) -> FloatArray:
+        """Return the input (d,) that brakes, for which all safe sets leave room."""
+        return self._neighbourhood.brake(own)
 
-    def miss(self) -> None:
+    def miss_deadline(self) -> None:
         """Say in the next report that nobody was heard: the time to decide has passed."""
-        self._hearing.heard_before = frozenset()
+        self._failures.heard_before = frozenset()
 
-    def decide(self, own: Report) -> FloatArray:
+    def decide(self, own: StateReport) -> FloatArray:
         """Return the input (d,) to be held for a period from the own state that was sent.
 
-        [m/s^2]; the velocity [m/s] of a single integrator. Whoever knows that nothing is owed stands still.
+        [m/s^2]; the velocity [m/s] of a single integrator. An agent that knows that nothing is owed stands still.
         """
-        if self._hearing.unsure(own, self.newest) or own.complete:
+        if self._failures.must_brake(own, self.newest) or own.complete:
             return self.brake(own)
-        states, heard, doubt = self._surroundings.states(own, self.newest, self._promised)
+        states, heard, uncertainty = self._neighbourhood.states(own, self.newest, self._promised)
         rows = np.array([each.agent for each in states], dtype=np.intp)
         position, velocity = np.array([each.position for each in states]), np.array([each.velocity for each in states])
         kept = np.zeros((len(rows), len(rows)), dtype=bool)
         kept[np.ix_(heard, heard)] = self._law_for(rows[heard]).kept_edges(position[heard], velocity[heard])
         keep_links(kept, rows, heard, self._fleet.links)
         me = int(np.flatnonzero(rows == self._index)[0])
+        desired = np.zeros_like(position)
+        towards = self._desired.towards_coverage(
+            self._law_for(rows[heard]), self.known.residual, rows[heard], position[heard], kept[np.ix_(heard, heard)]
+        )
         silent = [state for state, now in zip(states, heard, strict=True) if not now]
-        wish = np.zeros_like(position)
-        wish[me] = self._wish(own, (rows[heard], position[heard], kept[np.ix_(heard, heard)]), silent)
+        desired[me] = self._desired.around_silent(towards, own, self._neighbourhood.balls(silent))
         law = self._law_for(rows)
         if not self._double:
-            return np.asarray((law.step(position, wish, kept)[me] - own.position) / self._parameters.period_s)
-        return np.asarray(law.force(position, velocity, wish, kept, doubt)[me])
-
-    def _wish(self, own: Report, near: tuple[IntArray, FloatArray, BoolArray], silent: list[Report]) -> FloatArray:
-        """Return the velocity (d,) [m/s] that the law asks for among those heard, around those who are silent.
-
-        `near` are the (n,) agents heard, their (n, d) positions [m] and the (n, n) edges kept. The silent repel
-        nobody: the safe sets keep them apart, and cells beside them may have to be measured.
-        """
-        rows, position, kept = near
-        me = int(np.flatnonzero(rows == self._index)[0])
-        weight = np.zeros((len(rows), self._field.size))
-        weight[me] = self._escape.attend(self._field.weight * (self._able @ self.known.residual))
-        signal = random_signal(self._rng, len(rows), self._fleet.dimension)
-        wish = self._law_for(rows).wish(position, weight, kept, signal)[me]
-        return self._around_silent(wish, own, silent) if self._escape.stalled else wish
-
-    def _around_silent(self, wish: FloatArray, own: Report, states: list[Report]) -> FloatArray:
-        """Return the velocity (d,) [m/s] that leads around those who are silent; in turns left and right of them."""
-        if not states:
-            return wish
-        centre, radius = self._surroundings.balls(states)
-        begins = max(self._coordination.repel_within_m, self._coordination.separation_m)
-        near = radius + begins + self._parameters.period_s * self._fleet.speed_max[self._index]
-        turn = 1.0 if own.sample // self._parameters.patience % 2 == 0 else -1.0
-        return detour(wish, own.position, centre, near, turn)
+            return np.asarray((law.step(position, desired, kept)[me] - own.position) / self._parameters.period_s)
+        return np.asarray(law.force(position, velocity, desired, kept, uncertainty)[me])
 
     def _law_for(self, rows: IntArray) -> PotentialLaw:
         fleet = self._fleet
         force = fleet.input_max[rows] if self._double else None
         bounds = Bounds(fleet.speed_max[rows], force, fleet.motion_min, fleet.motion_max)
-        parameters = replace(self._parameters.law, edges="own")
+        parameters = replace(self._parameters.law, edges=EdgeRule.OWN)
         return PotentialLaw(self._field.cell, bounds, self._coordination, parameters, self._parameters.period_s)

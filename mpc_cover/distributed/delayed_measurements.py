@@ -1,4 +1,4 @@
-"""What agents have looked at, on its way into one agent's map: held back where a delay is asked for (6.3)."""
+"""Measurements on their way into one agent's map: held back where the mission asks for a delay (6.3)."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from mpc_cover.distributed.state_report import Report
+    from mpc_cover.distributed.state_report import StateReport
     from mpc_cover.information.delayed_map import TakesLooks
     from mpc_cover.information.looks import Sensing
 
 
 class DelayedMeasurements:
-    """One agent's.
+    """The measurements that one agent takes in.
 
     Parameters
     ----------
@@ -25,12 +25,12 @@ class DelayedMeasurements:
 
     def __init__(self, known: TakesLooks, sensing: Sensing, delay: int, *, reads: bool = False) -> None:
         self._known, self._sensing, self._delay, self._reads = known, sensing, delay, reads
-        self._held: dict[int, list[Report]] = {}
+        self._held: dict[int, list[StateReport]] = {}
 
-    def take(self, report: Report) -> None:
-        """Take in what an agent saw since its report before; nothing from nowhere.
+    def take(self, report: StateReport) -> None:
+        """Take in what an agent measured since its report before, if anything.
 
-        Everybody finds the same cells in range of where it looked, and in the same order: readings need no addresses.
+        All agents find the same cells in range of where it looked, and in the same order: readings need no addresses.
         """
         if report.looked is None:
             return
@@ -42,16 +42,16 @@ class DelayedMeasurements:
             looks = looks.with_value(found)
         self._known.take(looks)
 
-    def hear(self, report: Report, own_sample: int) -> None:
-        """Take in what another agent reports, at once or when it is due."""
+    def receive(self, report: StateReport, own_sample: int) -> None:
+        """Take in what another agent reports, at once or when its delay is over."""
         due = report.sample + self._delay
         if self._delay > 0 and own_sample < due:
             self._held.setdefault(due, []).append(report)
         else:
             self.take(report)
 
-    def catch_up(self, sample: int) -> None:
-        """Take in what is due at an own sample."""
+    def release_due(self, sample: int) -> None:
+        """Take in what was held back until an own sample."""
         for due in sorted(due for due in self._held if due <= sample):
             for report in self._held.pop(due):
                 self.take(report)

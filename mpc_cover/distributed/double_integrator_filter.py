@@ -1,6 +1,6 @@
-"""Collision avoidance and connectivity of double integrators, by keeping everyone able to stop.
+"""Collision avoidance and connectivity of double integrators: every agent always remains able to stop.
 
-The argument, for agents that choose an input at the same instants, hold it for T_s, and hear each other's state:
+The argument, for agents that choose an input at the same instants, hold it for T_s, and receive each other's state:
 
 1. An agent brakes with the constant force -v / (s T_s), s = ceil(|v| / (u_max T_s)): within u_max, it is at rest
    after s samples. Its path is a segment from q to q + s T_s v / 2; its stopping ball has the segment as diameter.
@@ -10,12 +10,12 @@ The argument, for agents that choose an input at the same instants, hold it for 
 3. The parabola flown meanwhile lies in the triangle of q, q + v T_s / 2 and the next q (its Bezier points). The
    first two lie in the ball of now, as v T_s / 2 is no longer than the segment, the third in the next ball. All
    three are in the set, which is convex; so is the path.
-4. So the next balls have the pairs' bounds again, and, by induction, everyone keeps rho_B from everyone at every
+4. So the next balls satisfy the pairs' bounds again, and, by induction, all agents keep rho_B from each other at every
    instant, and edges that both ends keep stay within rho_C. Edges are those whose two balls fit into a ball of
-   diameter rho_C, which is the weight they are chosen by: the tree of now exists at the next sample, too.
+   diameter rho_C, which is the weight they are chosen by: the current tree exists at the next sample, too.
 
-Nothing here depends on what the others choose within their sets, nor on when. An agent that has not heard a
-neighbour's state of this instant brakes: the neighbour's set of now leaves room for it.
+Nothing here depends on what the others choose within their sets, nor on when. An agent that has not received a
+neighbour's state of this instant brakes: the neighbour's current set leaves room for it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.distributed.single_integrator_filter import fan
-from mpc_cover.distributed.velocity_tracking import limited
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
@@ -68,6 +67,26 @@ def stopping_balls(position: FloatArray, velocity: FloatArray, input_max: FloatA
     return StoppingBall(position + half, 0.25 * period * samples * speed, position + 2.0 * half, force)
 
 
+def track(
+    velocity: FloatArray, desired: FloatArray, input_max: FloatArray, speed_max: FloatArray, period: float
+) -> FloatArray:
+    """Return inputs (m, d) [m/s^2], held for `period` [s], that bring (m, d) velocities [m/s] nearest to those desired.
+
+    The desired velocity is cut to v_max and the input to u_max (3.11, 3.12), both (m,): the speed at the end of the
+    period is within v_max when it is at the start, as any point between the two is.
+    """
+    force = (limited(desired, speed_max) - velocity) / period
+    return limited(force, input_max)
+
+
+def limited(vector: FloatArray, longest: FloatArray) -> FloatArray:
+    """Return (m, ..., d) vectors cut to (m,) lengths (5.2)."""
+    length = np.linalg.norm(vector, axis=-1)
+    bound = longest.reshape(-1, *[1] * (length.ndim - 1))
+    scale = np.divide(bound, length, out=np.ones_like(length), where=length > bound)
+    return np.asarray(vector * scale[..., None])
+
+
 def filter_forces(
     position: FloatArray,
     velocity: FloatArray,
@@ -76,14 +95,14 @@ def filter_forces(
     sets: SafeSets,
     period: float,
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the (m, d) inputs [m/s^2] nearest to those wanted that keep everyone safe, and (m,) who only brakes.
+    """Return the (m, d) inputs [m/s^2] nearest to those wanted that are safe, and (m,) which agents only brake.
 
     Parameters
     ----------
     position, velocity : (m, d) [m], [m/s].
     force : (m, d) wanted, within u_max [m/s^2].
     limits : (m,) u_max [m/s^2] and (m,) v_max [m/s].
-    sets : safe sets of the stopping balls of now.
+    sets : safe sets of the current stopping balls.
     period : T_s [s].
     """
     input_max, speed_max = limits
@@ -116,6 +135,6 @@ def _candidates(
     part = np.array([1.0, *_BETWEEN])[:, None]
     between = brake[:, None] + part * (force - brake)[:, None]
     every = np.concatenate([between, np.zeros_like(force)[:, None], wide], axis=1)
-    # the nearest velocity within v_max is no farther from the velocity of now, which is within v_max
+    # the nearest velocity within v_max is no farther from the current velocity, which is within v_max
     after = limited(velocity[:, None] + period * every, LESS * speed_max)
     return np.asarray((after - velocity[:, None]) / period)

@@ -1,8 +1,8 @@
-"""Whom an agent expects to hear, and when it takes silence for a loss.
+"""Which neighbours an agent expects to hear, and when it takes silence for a loss.
 
-Silence is harmless as long as nobody acts on it: an agent that misses a neighbour's state of this sample brakes, for
-which the neighbour's safe set leaves room (`stopping_filter`), and so does one that a neighbour has not heard, by that
-neighbour's own word. A neighbour that stays silent is taken for lost.
+Silence is harmless as long as nobody acts on it. An agent that misses a neighbour's state of this sample brakes, for
+which the neighbour's safe set leaves room (`double_integrator_filter`). So does one that a neighbour says it has not
+heard. A neighbour that stays silent is taken for lost.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mpc_cover.arrays import BoolArray, IntArray
-    from mpc_cover.distributed.state_report import Report
+    from mpc_cover.distributed.state_report import StateReport
     from mpc_cover.mission.fleet import Fleet
 
 _LEAVES_AFTER = 2
@@ -27,15 +27,15 @@ class NeighbourFailureDetector:
 
     Parameters
     ----------
-    fleet : everyone.
+    fleet : all agents.
     index : which of them this is.
     period_s : T_s.
     lost_after : samples of silence after which a neighbour is lost; it must be at rest by then.
 
     Attributes
     ----------
-    lost : (m,) who is taken for lost.
-    heard_before : whose state was known when this agent decided last.
+    lost : (m,) which agents are taken for lost.
+    heard_before : the agents whose state was known at the last decision.
     """
 
     def __init__(self, fleet: Fleet, index: int, period_s: float, lost_after: int) -> None:
@@ -46,13 +46,16 @@ class NeighbourFailureDetector:
         self.lost: BoolArray = np.zeros(fleet.size, dtype=bool)
         self.heard_before: frozenset[int] = frozenset()
 
-    def unsure(self, own: Report, newest: Mapping[int, Report]) -> bool:
-        """Return whether a neighbour is silent or has not heard this agent; remember whom to expect next."""
+    def must_brake(self, own: StateReport, newest: Mapping[int, StateReport]) -> bool:
+        """Return whether a neighbour is silent or has not heard this agent; remember which to expect next.
+
+        To be called once a sample.
+        """
         reach = self._fleet.communication_range
         others = {j: report for j, report in newest.items() if j != self._index}
         now = {j for j, report in others.items() if report.sample == own.sample}
         for j in others.keys() - now:
-            self._bear_silence(j, own, others[j])
+            self._count_silence(j, own, others[j])
         unsure = any(j not in now or self._index not in others[j].heard for j in self._near)
         in_range = {j for j in now if np.linalg.norm(others[j].position - own.position) <= reach}
         self._near = (self._near - now) | in_range
@@ -61,7 +64,7 @@ class NeighbourFailureDetector:
         self.heard_before = frozenset(now)
         return unsure
 
-    def _bear_silence(self, j: int, own: Report, last: Report) -> None:
+    def _count_silence(self, j: int, own: StateReport, last: StateReport) -> None:
         """Expect a silent neighbour for a while; then it has left the range, if it could, or is lost."""
         if j not in self._near:
             return

@@ -1,4 +1,4 @@
-"""What an agent passes on: every news once, and what a neighbour says that it still lacks."""
+"""What an agent passes on: every report once, and again what a neighbour says that it is missing."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mpc_cover.distributed.state_report import Report
+    from mpc_cover.distributed.state_report import StateReport
 
 MOST_REPAIRS = 24
-"""Old reports that are sent again at a time."""
+"""Old reports that are retransmitted at a time."""
 
 
 class MessageRelay:
-    """One agent's memory of reports.
+    """One agent's store of reports.
 
     Parameters
     ----------
@@ -22,28 +22,28 @@ class MessageRelay:
     """
 
     def __init__(self, agents: int) -> None:
-        self._log: list[dict[int, Report]] = [{} for _ in range(agents)]
-        self._news: list[Report] = []
-        self._lacks: dict[int, tuple[int, ...]] = {}
+        self._log: list[dict[int, StateReport]] = [{} for _ in range(agents)]
+        self._fresh: list[StateReport] = []
+        self._missing: dict[int, tuple[int, ...]] = {}
         self._due: set[tuple[int, int]] = set()
 
-    def keep(self, report: Report) -> None:
-        """Remember a report, to be sent to those who lack it."""
+    def store(self, report: StateReport) -> None:
+        """Remember a report, to be retransmitted to agents that miss it."""
         self._log[report.agent][report.sample] = report
 
-    def learn(self, report: Report) -> None:
-        """Pass on a report that is new to this agent, and remember it."""
-        self._news.append(report)
+    def forward(self, report: StateReport) -> None:
+        """Relay a report that is new to this agent, and remember it."""
+        self._fresh.append(report)
         if not report.promised:
-            self.keep(report)
+            self.store(report)
 
-    def lacks(self, neighbour: int, missing: Sequence[int]) -> None:
-        """Note the (m,) first samples that a neighbour lacks, by its own word.
+    def note_missing(self, neighbour: int, missing: Sequence[int]) -> None:
+        """Note the (m,) first samples that a neighbour has not received, as it says itself.
 
-        What it lacked already when it spoke last did not reach it: it is sent again.
+        What it was missing already in its previous message did not reach it: that is sent again.
         """
-        before = self._lacks.get(neighbour)
-        self._lacks[neighbour] = tuple(missing)
+        before = self._missing.get(neighbour)
+        self._missing[neighbour] = tuple(missing)
         if before is None:
             return
         for agent, (first, earlier) in enumerate(zip(missing, before, strict=True)):
@@ -51,9 +51,9 @@ class MessageRelay:
                 wanted = range(first, first + MOST_REPAIRS)
                 self._due.update((agent, sample) for sample in wanted if sample in self._log[agent])
 
-    def take(self) -> list[Report]:
-        """Return what to send now: news since the last call, and repairs."""
-        fresh, self._news = self._news, []
+    def take(self) -> list[StateReport]:
+        """Return what to send now: new reports since the last call, and retransmissions."""
+        fresh, self._fresh = self._fresh, []
         known = {(report.agent, report.sample) for report in fresh if not report.promised}
         again = sorted(self._due - known, key=lambda due: (due[1], due[0]))[:MOST_REPAIRS]
         self._due.clear()

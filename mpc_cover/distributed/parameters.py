@@ -1,4 +1,4 @@
-"""How an agent runs the distributed law by itself."""
+"""Parameters of an agent that runs the distributed law by itself."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class AgentParameters:
 
     Attributes
     ----------
-    law : its tuning; the edges kept are always the agent's own choice, for which it needs no one's word.
+    law : its tuning; the edges kept are always the choice of the agent itself, for which it needs no message.
     period_s : T_s.
-    patience : samples without news after which one cell counts only (`escape`).
+    patience : samples without a change of the map after which one cell counts only (`stall_escape`).
     lost_after : samples of silence after which a neighbour is taken for lost; it must be at rest by then.
-    lost_margin_m : how far a lost agent may be outside these balls. 0 where silence means that its process has
+    lost_margin_m : how far a lost agent may be outside its stopping balls. 0 where silence means that its process has
         ended and it braked; where a radio may fail one way, it had two more samples to act: 2 T_s v_max and the
         braking distance.
     delay : samples by which other agents' looks are held back at the least (delta of 6.3); 0 for none.

@@ -29,7 +29,7 @@ class CoverageShape:
     ----------
     alpha : how fast the attraction falls with the distance, > 1.
     core_m : distance within which a cell does not attract, beta^(1/alpha) [m]; at most the sensing radius, so
-        that whoever is that near measures the cell.
+        that an agent that near measures the cell.
     """
 
     alpha: float = 4.0
@@ -62,7 +62,7 @@ def coverage_gradient(position: FloatArray, cell: FloatArray, weight: FloatArray
 
 
 def _owed(position: FloatArray, cell: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (n, K', d) q - p, (n, K') its square and gamma of the cells that somebody owes."""
+    """Return (n, K', d) q - p, (n, K') its square and gamma of the cells that any agent's map says are owed."""
     gamma = np.atleast_2d(weight)
     owed = gamma.any(axis=0)
     offset = position[:, None] - cell[owed]
@@ -119,7 +119,7 @@ def collision_potential(position: FloatArray, bounds: Coordination) -> FloatArra
 
 
 def collision_gradient(position: FloatArray, bounds: Coordination) -> FloatArray:
-    """Return (m, d): the sum over j of d g_coll / d q_i; it points towards those who are too near (6.2)."""
+    """Return (m, d): the sum over j of d g_coll / d q_i; it points towards agents that are too near (6.2)."""
     if bounds.separation_m == 0.0:
         return np.zeros_like(position)
     direction, length = pair_directions(position)
@@ -139,7 +139,7 @@ def connectivity_potential(position: FloatArray, kept: BoolArray, bounds: Coordi
 
 
 def connectivity_gradient(position: FloatArray, kept: BoolArray, bounds: Coordination) -> FloatArray:
-    """Return (m, d): the sum over kept j of d g_conn / d q_i; it points away from those who are too far (6.6)."""
+    """Return (m, d): the sum over kept j of d g_conn / d q_i; it points away from agents that are too far (6.6)."""
     if np.isinf(bounds.range_m):
         return np.zeros_like(position)
     direction, length = pair_directions(position)
@@ -152,7 +152,7 @@ def connectivity_gradient(position: FloatArray, kept: BoolArray, bounds: Coordin
 def pair_directions(position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return (m, m, d) unit vectors from j to i and (m, m) lengths [m]; inf and zero on the diagonal.
 
-    Two agents on one spot are told apart by their order: the first to the right.
+    The tie of two agents in one place is broken by their order: the first is to the right.
     """
     offset = position[:, None] - position[None]
     length = np.sqrt((offset**2).sum(axis=2))

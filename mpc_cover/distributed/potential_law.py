@@ -1,18 +1,19 @@
-"""The distributed law of chapters 5 and 6: each agent goes down its potential, within bounds that hold for sure.
+"""The distributed law of chapters 5 and 6: each agent descends its potential, within bounds that are guaranteed.
 
 An agent uses its own map, and the positions (and velocities) of those it hears. All functions work on a whole
-fleet at once or on one agent's neighbourhood: rows that are not the caller's are computed and thrown away.
+fleet at once or on one agent's neighbourhood: rows that are not the caller's are computed and discarded.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from enum import StrEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.constraints.local_tree import kept_by_both, kept_by_either, local_choices, redundant_choices
-from mpc_cover.distributed.double_integrator_filter import LESS, filter_forces, stopping_balls
+from mpc_cover.distributed.double_integrator_filter import LESS, filter_forces, limited, stopping_balls, track
 from mpc_cover.distributed.potential_functions import (
     Coordination,
     CoverageShape,
@@ -22,16 +23,26 @@ from mpc_cover.distributed.potential_functions import (
 )
 from mpc_cover.distributed.safe_sets import SafeSets, enclosing_diameters, safe_sets
 from mpc_cover.distributed.single_integrator_filter import filter_steps
-from mpc_cover.distributed.velocity_tracking import limited, track
 from mpc_cover.information.delay import adjacency
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
 
 
+class EdgeRule(StrEnum):
+    """Which local edges an agent keeps (6.1.2)."""
+
+    BOTH = "both"
+    """Those that both ends chose."""
+    EITHER = "either"
+    """Those that either end chose."""
+    OWN = "own"
+    """Its own choice, which needs no further message."""
+
+
 @dataclass(frozen=True)
 class LawParameters:
-    """What the law is tuned by.
+    """The law's tuning.
 
     Attributes
     ----------
@@ -39,8 +50,7 @@ class LawParameters:
     gain : K of (5.16) [m^2/s per unit of gamma]; inf flies at u_max wherever the gradient is not zero.
     coordination_gain : of the gradients of (6.1) and (6.5) [m^2/s].
     random : largest length of the random signal r of (5.17), as a part of u_max.
-    edges : which local edges an agent keeps: those both ends chose, those either did, or its own choice, which
-        needs no further message.
+    edges : which local edges an agent keeps.
     spare : whether edges are kept, too, that connect the others without any one agent (`local_tree.redundant_choices`).
     """
 
@@ -48,13 +58,13 @@ class LawParameters:
     gain: float = np.inf
     coordination_gain: float = 0.1
     random: float = 0.1
-    edges: Literal["both", "either", "own"] = "both"
+    edges: EdgeRule = EdgeRule.BOTH
     spare: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """What agents may not exceed.
+    """The agents' limits.
 
     Attributes
     ----------
@@ -99,9 +109,11 @@ class PotentialLaw:
         self._coordination = coordination
         self._parameters = parameters
         self._period = period
-        self._need_range()
+        self._require_range()
 
-    def wish(self, position: FloatArray, weight: FloatArray, kept: BoolArray, signal: FloatArray) -> FloatArray:
+    def desired_velocity(
+        self, position: FloatArray, weight: FloatArray, kept: BoolArray, signal: FloatArray
+    ) -> FloatArray:
         """Return the velocities (m, d) [m/s] that the law asks for: -K grad F + r, within u_max (5.17, 6.9).
 
         Parameters
@@ -125,36 +137,40 @@ class PotentialLaw:
         weight, reach = enclosing_diameters(centre, radius), self._coordination.range_m
         choice = redundant_choices(weight, reach) if self._parameters.spare else local_choices(weight, reach)
         match self._parameters.edges:
-            case "both":
+            case EdgeRule.BOTH:
                 return kept_by_both(choice)
-            case "either":
+            case EdgeRule.EITHER:
                 return kept_by_either(choice)
-            case "own":
+            case EdgeRule.OWN:
                 return choice
 
-    def step(self, position: FloatArray, wish: FloatArray, kept: BoolArray) -> FloatArray:
-        """Return the next positions (m, d) [m] of single integrators (5.1) that keep every bound."""
+    def step(self, position: FloatArray, desired: FloatArray, kept: BoolArray) -> FloatArray:
+        """Return the next positions (m, d) [m] of single integrators (5.1) that keep every bound.
+
+        `desired` are the velocities (m, d) [m/s] that they should have.
+        """
         sets = self._sets(position, position, np.zeros(len(position)), kept)
         longest = self._period * self._bounds.speed_max
-        return position + filter_steps(position, self._period * wish, longest, sets)
+        return position + filter_steps(position, self._period * desired, longest, sets)
 
     def force(
         self,
         position: FloatArray,
         velocity: FloatArray,
-        wish: FloatArray,
+        desired: FloatArray,
         kept: BoolArray,
-        doubt: FloatArray | None = None,
+        uncertainty: FloatArray | None = None,
     ) -> FloatArray:
-        """Return the inputs (m, d) [m/s^2] of double integrators that follow a wish [m/s] and keep every bound.
+        """Return the inputs (m, d) [m/s^2] of double integrators that keep every bound and track the desired velocity.
 
-        `doubt` (m,) [m] is by how much each may be elsewhere than in its stopping ball; left out, nobody is.
+        `desired` is (m, d) [m/s]; `uncertainty` (m,) [m] is how far each may be outside its stopping ball, 0 where it
+        is left out.
         """
         assert self._bounds.input_max is not None, "single integrators take steps"
         limits = (self._bounds.input_max, self._bounds.speed_max)
         centre, radius = self._balls(position, velocity)
-        sets = self._sets(position, centre, radius if doubt is None else radius + doubt, kept)
-        wanted = track(velocity, wish, *limits, self._period)
+        sets = self._sets(position, centre, radius if uncertainty is None else radius + uncertainty, kept)
+        wanted = track(velocity, desired, *limits, self._period)
         return filter_forces(position, velocity, wanted, limits, sets, self._period)[0]
 
     def _balls(self, position: FloatArray, velocity: FloatArray | None) -> tuple[FloatArray, FloatArray]:
@@ -175,8 +191,8 @@ class PotentialLaw:
             box=(self._bounds.lower, self._bounds.upper),
         )
 
-    def _need_range(self) -> None:
-        """Refuse a range within which an agent does not hear of everyone it could meet."""
+    def _require_range(self) -> None:
+        """Refuse a range within which an agent does not hear all agents that it could meet."""
         if self._coordination.separation_m == 0.0:
             return
         speed = self._bounds.speed_max

@@ -1,16 +1,16 @@
-"""Convex sets that two agents agree on without a word: as long as both stay in theirs, nothing can go wrong.
+"""Convex sets that two agents agree on without a message: as long as both stay in theirs, the pair's bounds hold.
 
-Each agent occupies a ball, of radius zero for a single integrator, or its stopping ball. From the two balls of a
-pair both agents compute the same sets:
+Each agent occupies a ball: its stopping ball, or for a single integrator a ball of radius zero. From the two balls of
+a pair both agents compute the same sets:
 
 - separation: the half-spaces on either side of the gap's middle, moved apart by rho_B. A point of the one is
   at least rho_B from any point of the other.
 - a kept edge: the ball of diameter rho_C about the middle of the smallest ball around both. Two of its points
   are at most rho_C apart.
 
-An agent's safe set is the part that all its pairs and its box leave it. It is convex, and holds the agent's own
-ball when the pair's bound holds now; each pair's slack is split in half, so nobody waits for another. The sets
-depend on the agent's neighbours only. A bound that is violated already is relaxed to what the pair has: it never
+An agent's safe set is the intersection of its pairs' sets and its box. It is convex, and contains the agent's own
+ball when the pair's bound holds now; each pair's slack is split in half, so no agent waits for another. The sets
+depend on the agent's neighbours only. A bound that is violated already is relaxed to its current value: it never
 gets worse.
 """
 
@@ -64,8 +64,8 @@ class SafeSets:
 def enclosing_diameters(centre: FloatArray, radius: FloatArray) -> FloatArray:
     """Return (m, m) [m]: the diameter of the smallest ball around each two of (m, d) centres with (m,) radii.
 
-    With zero radii the distance. It is the weight by which edges exist and are chosen (local_tree): two agents
-    with at most rho_C are, and after braking remain, within range of each other.
+    With zero radii it is the distance. It is the weight by which edges exist and are chosen (`local_tree`): two agents
+    with at most rho_C are within range of each other, and remain so while they brake.
     """
     length = pair_directions(centre)[1]
     apart = length + radius[:, None] + radius[None]
@@ -89,7 +89,7 @@ def safe_sets(
 
     Parameters
     ----------
-    heard : (m, m) whom agent i (row) hears: everyone who could come near it within a step.
+    heard : (m, m) which agents j agent i (row) hears: all that could come near it within a step.
     kept : (m, m) edges that agent i (row) keeps; not necessarily symmetric.
     separation : rho_B [m]; 0 asks for none.
     reach : rho_C [m].

@@ -1,4 +1,4 @@
-"""The potential law of a mission: its `potential` section, with defaults that follow from the fleet."""
+"""Makes the potential law of a mission from its `potential` section, with defaults that follow from the fleet."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 _LEAST_SILENCE = 6
 """Samples of silence after which a neighbour is lost, at the least."""
-_LONGEST_WORD, _READING = 1 << 20, 8
-"""Bytes of a word that are still listened to, and of a reading in it."""
+_LARGEST_BROADCAST, _READING = 1 << 20, 8
+"""Bytes of a broadcast that are still accepted, and of a reading in it."""
 
 
 def law_parameters(mission: Mission) -> LawParameters:
@@ -44,7 +44,7 @@ def law_parameters(mission: Mission) -> LawParameters:
 
 
 def coordination_for(mission: Mission, fleet: Fleet) -> Coordination:
-    """Return rho_B, R_B, rho_C and R_C of a mission's fleet, which may be tightened or without some.
+    """Return rho_B, R_B, rho_C and R_C of a mission's fleet, which may be tightened or without lost agents.
 
     Raises
     ------
@@ -95,21 +95,21 @@ def check_flyable(mission: Mission) -> Fleet:
             f"mission {mission.spec.name}: information.kind ageing: agents that fly by the potential law end once "
             "nothing is owed, which on a patrol never is: fly it by the receding horizon (--controller mpc)"
         )
-    _check_words(mission)
+    _check_broadcast_size(mission)
     fleet = tightened(mission)
     law_of(mission, fleet)
     return fleet
 
 
-def _check_words(mission: Mission) -> None:
-    """Refuse a Kalman mission whose words, each with the readings of many samples, would be too long to be sent."""
+def _check_broadcast_size(mission: Mission) -> None:
+    """Refuse a Kalman mission whose broadcasts, each with the readings of many samples, would be too large."""
     if not isinstance(mission.spec.information, KalmanInformation):
         return
     fleet, size = mission.fleet, mission.spec.area.cell_size_m
     reach = float(fleet.radius[np.isfinite(fleet.radius)].max())
     across = 2.0 * reach / size + 1.0
     readings = min(mission.field.size, int(across**fleet.dimension)) * fleet.radius.shape[1]
-    most = _LONGEST_WORD // (_READING * (fleet.size + MOST_REPAIRS))
+    most = _LARGEST_BROADCAST // (_READING * (fleet.size + MOST_REPAIRS))
     if readings > most:
         raise UserError(
             f"mission {mission.spec.name}: information.kind kalman: a look takes up to {readings} readings, and agents "
@@ -119,7 +119,7 @@ def _check_words(mission: Mission) -> None:
 
 
 def make_agent(mission: Mission, index: int, seed: int) -> AgentController[ResidualMap]:
-    """Return agent number `index` of a mission, which runs the law by itself.
+    """Return the controller of agent number `index` of a mission, which runs the law by itself.
 
     The seed is the fleet's: from it come the common order of escapes and each agent's own random signal.
 

@@ -1,13 +1,13 @@
-"""Collision avoidance and connectivity of sampled single integrators (5.1): guarantees, where potentials are wishes.
+"""Collision avoidance and connectivity of sampled single integrators (5.1): guarantees that potentials cannot give.
 
-At a finite T_s and with bounded inputs a step can jump over the walls of (6.1) and (6.5). So each agent's step is
+At a finite T_s and with bounded inputs a step can jump over the barriers of (6.1) and (6.5). So each agent's step is
 cut to its safe set (`safe_sets`), which is convex and holds its own position: the straight path between two
 samples stays in it. All pairs then keep rho_B, and all edges that both ends keep stay within rho_C, at every
 instant. These contain the fleet's minimum spanning tree (`local_tree`), so a connected fleet remains connected.
-An agent uses positions of those it hears only, who must be all within rho_B and two steps of it.
+An agent uses positions of those it hears only, which must include all within rho_B and two steps of it.
 
-Of the step wanted and a fan of others, each as long as the set allows, the one that ends nearest to where the
-agent wanted to go is taken: it slides along walls instead of stopping at them.
+Of the desired step and a fan of others, each as long as the set allows, the one that ends nearest to the desired
+position is taken: agents slide along the boundaries of their sets instead of stopping at them.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _PLANE = 2
 
 
 def filter_steps(position: FloatArray, step: FloatArray, longest: FloatArray, sets: SafeSets) -> FloatArray:
-    """Return the (m, d) steps [m] nearest to those wanted that stay in the safe sets; zero always does.
+    """Return the (m, d) steps [m] nearest to those desired that stay in the safe sets; zero always does.
 
     Parameters
     ----------
     position : (m, d) [m]; each in its set.
-    step : (m, d) wanted [m].
+    step : (m, d) desired [m].
     longest : (m,) u_max T_s [m] (5.2).
     sets : of these positions.
     """
@@ -65,7 +65,7 @@ def _room(position: FloatArray, direction: FloatArray, sets: SafeSets) -> FloatA
 
 
 def _quotient(room: FloatArray, speed: FloatArray) -> FloatArray:
-    """Return room / speed where the speed is towards the wall, else inf."""
+    """Return room / speed where the speed is towards the boundary, else inf."""
     shape = np.broadcast_shapes(room.shape, speed.shape)
     return np.asarray(np.divide(room, speed, out=np.full(shape, np.inf), where=speed > 0.0))
 

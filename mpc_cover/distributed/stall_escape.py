@@ -1,10 +1,13 @@
-"""How a fleet leaves a tug-of-war that small random steps do not resolve (5.17, lemma 6.2.1).
+"""How an agent leaves a stationary point: a common displacement of the fleet, and a detour around silent agents.
 
-Pulled to both sides at bounded speed, a connected fleet may hang for long. The lemma's way out is a common
-displacement. When an agent's own map has not changed for a while, it attends to one cell only: the owed one
-that comes first in a random order that the fleet shares. While nothing is measured, the agents' maps become
-equal within the delay, so all attend to the same cell, without a message about it; going there changes no
-distance between them that matters, and the nearest of them measures it.
+Pulled to both sides at bounded speed, a connected fleet may hang for long where small random steps do not resolve the
+tie (5.17). Lemma 6.2.1 leaves the point by a common displacement. When an agent's own map has not changed for a while,
+it attends to one cell only: the owed one that comes first in a random order that the fleet shares. While nothing is
+measured, the agents' maps become equal within the delay, so all attend to the same cell without a message about it;
+going there changes no distance between them that matters, and the nearest of them measures it.
+
+An obstacle at rest does not move with the fleet. So an agent that is stalled and drawn towards a silent one nearby goes
+around it, in turns to the left and to the right, because there may be no room on one side.
 """
 
 from __future__ import annotations
@@ -16,9 +19,11 @@ import numpy as np
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
 
+_PLANE = 2
+
 
 class StallEscape:
-    """One agent's patience.
+    """Notices when one agent stalls, and chooses the cell that it then attends to.
 
     Parameters
     ----------
@@ -48,3 +53,33 @@ class StallEscape:
         only = np.zeros_like(weight)
         only[owed[:1]] = weight[owed[:1]]
         return only
+
+
+def detour(desired: FloatArray, position: FloatArray, centre: FloatArray, near: FloatArray, turn: float) -> FloatArray:
+    """Return the velocity (d,) [m/s] that goes around the nearest obstacle instead of at it.
+
+    Parameters
+    ----------
+    desired : (d,) [m/s].
+    position : (d,) [m].
+    centre, near : (n, d) [m] obstacles, and within which distance (n,) [m] of its centre each is gone around.
+    turn : +1 leaves it on the right, -1 on the left.
+    """
+    if len(centre) == 0:
+        return desired
+    offset = centre - position
+    away = np.linalg.norm(offset, axis=1)
+    nearest = int(np.argmin(away - near))
+    ahead = offset[nearest] / max(float(away[nearest]), 1e-9)
+    if away[nearest] > near[nearest] or float(desired @ ahead) <= 0.0:
+        return desired
+    return turn * float(np.linalg.norm(desired)) * _sideways(ahead)
+
+
+def _sideways(ahead: FloatArray) -> FloatArray:
+    """Return a unit vector (d,) at right angles: to the left in the plane, horizontal in space where possible."""
+    if ahead.size == _PLANE:
+        return np.array([-ahead[1], ahead[0]])
+    level = np.array([-ahead[1], ahead[0], 0.0])
+    length = float(np.linalg.norm(level))
+    return level / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])  # noqa: PLR2004 - straight up or down

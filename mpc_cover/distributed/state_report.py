@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Report:
+class StateReport:
     """An agent's state at a sample: what is sent, and relayed.
 
     Attributes
@@ -19,10 +19,10 @@ class Report:
     sample : 0, 1, ...
     time_s : mission time [s].
     position, velocity : (d,) [m], [m/s].
-    heard : whose state of the sample before the agent knew when it decided then.
-    promised : whether the agent may still choose otherwise: a state made known before it is acted upon.
-    looked : (d,) [m] where the agent has looked since its report before; None for nowhere. An agent that reports a
-        sample ahead of time has not looked there yet.
+    heard : the agents whose state of the sample before this one knew when it decided then.
+    promised : whether the agent may still choose otherwise: a state announced before it is acted upon.
+    looked : (d,) [m] where the agent has measured since its report before; None for nowhere. An agent that reports a
+        sample ahead of time has not measured there yet.
     looked_s : when, mission time [s].
     complete : whether by its own map nothing is owed.
     readings : (n,) what was read there of each (magnitude, cell) in range, in their order; None where maps need none.

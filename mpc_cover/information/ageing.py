@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
 
 class AgeingMap:
-    """gamma = pos(age - fresh_s): a measurement is good for a while, then the cell is owed a look again.
+    """gamma = pos(age - fresh_s): a measurement is valid for a while, then the cell is owed a look again.
 
-    Never complete for good: a mission with it patrols for ever.
+    It is never complete for good: a mission with it patrols without end.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class AgeingMap:
     Attributes
     ----------
     last : (J, K) [s], when each magnitude and cell was last measured.
-    now_s : the latest time heard of [s].
+    now_s : the latest time of an observation [s].
 
     Raises
     ------
@@ -42,17 +42,17 @@ class AgeingMap:
         self.now_s = start_s
 
     def observe(self, time_s: float, position: FloatArray) -> None:
-        """Take what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows see nothing."""
+        """Take in what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows measure nothing."""
         self.take(self._sensing.looks(time_s, position))
         self.pass_time(time_s)
 
     def take(self, looks: Looks) -> None:
-        """Take looks, in any order."""
+        """Take in looks, in any order."""
         np.maximum.at(self.last.reshape(-1), looks.place, looks.time_s)
         self.pass_time(float(looks.time_s.max(initial=self.now_s)))
 
     def pass_time(self, time_s: float) -> None:
-        """Let everything age until a mission time [s]; time doesn't run backwards."""
+        """Let everything age until a mission time [s]; earlier times are ignored."""
         self.now_s = max(self.now_s, time_s)
 
     @property
@@ -62,7 +62,7 @@ class AgeingMap:
 
     @property
     def worst_age(self) -> float:
-        """Age of the place that has waited longest [s]."""
+        """Largest age [s]."""
         return float(self.age.max())
 
     @property

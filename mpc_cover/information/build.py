@@ -1,4 +1,4 @@
-"""The map that a mission asks for."""
+"""Makes the information map, sensing and true field of a mission."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ if TYPE_CHECKING:
 def make_map(mission: Mission, margin_m: float | None = None) -> FlownMap:
     """Return an empty map of the kind that the mission asks for.
 
-    Sensing radii count less `margin_m` [m], by default the noise of the mission's positions.
+    Sensing radii are shortened by `margin_m` [m], by default the noise of the mission's positions.
     """
     given = mission.spec.information
     if not mission.spec.looks_again:
         return CoverageMap(mission, margin_m)
     noise_m = mission.spec.disturbance.position_noise_m if margin_m is None else margin_m
-    sight = _Cautious(mission, noise_m) if noise_m else Visibility(mission.field, mission.fleet.radius)
+    visibility = _Conservative(mission, noise_m) if noise_m else Visibility(mission.field, mission.fleet.radius)
     if isinstance(given, AgeingInformation):
-        return PatrolMap(sight, given.age_limit_s, given.growth_per_s)
-    pace = PacedSensing(sight, mission.fleet.size, mission.spec.control.period_s)
+        return PatrolMap(visibility, given.age_limit_s, given.growth_per_s)
+    pace = PacedSensing(visibility, mission.fleet.size, mission.spec.control.period_s)
     sensor, graded = sensor_of(mission, pace), isinstance(given, EffectiveInformation | KalmanInformation)
     return FlightMap(settling_map(mission, sensor), pace, sensor, graded=graded)
 
 
 def settling_map(mission: Mission, sensing: Sensing) -> ResidualMap:
-    """Return an empty map that looks settle for good: of any kind of mission but a patrol."""
+    """Return an empty map that looks settle for good: for all missions but patrols."""
     given = mission.spec.information
     if isinstance(given, EffectiveInformation):
         return EffectiveCoverage(sensing, given.level, Bump(given.peak, given.least))
@@ -62,7 +62,7 @@ def sensor_of(mission: Mission, sensing: Sensing) -> Sensing:
 
 
 def true_field(mission: Mission) -> FloatArray:
-    """Return (J, K): what simulated sensors read but for their noise, one field for each magnitude.
+    """Return (J, K): what simulated sensors read without their noise, one field for each magnitude.
 
     Columns for the survivors of different faults (4.1) are of the same magnitude.
     """
@@ -74,17 +74,24 @@ def true_field(mission: Mission) -> FloatArray:
     return np.repeat(np.array(fields), len(mission.fleet.magnitudes) // names, axis=0)
 
 
-class _Cautious:
-    """Sight for positions that are off by up to a noise: what counts is truly in range, and truly no farther."""
+def estimate_error(mission: Mission, known: ResidualMap) -> float | None:
+    """Return the root mean square error of a map's estimate of the true field; None for maps that estimate nothing."""
+    if not isinstance(known, KalmanMap):
+        return None
+    return float(np.sqrt(np.mean((known.estimate - true_field(mission)) ** 2)))
+
+
+class _Conservative:
+    """Visibility from positions with a bounded error: looks that count are in range, and no farther than they say."""
 
     def __init__(self, mission: Mission, noise_m: float) -> None:
-        self._sight = Visibility(mission.field, mission.fleet.radius - noise_m)
+        self._visibility = Visibility(mission.field, mission.fleet.radius - noise_m)
         self._noise = noise_m
 
     @property
     def shape(self) -> tuple[int, int]:
-        return self._sight.shape
+        return self._visibility.shape
 
     def looks(self, time_s: float | FloatArray, position: FloatArray, agent: IntArray | None = None) -> Looks:
-        seen = self._sight.looks(time_s, position, agent)
+        seen = self._visibility.looks(time_s, position, agent)
         return replace(seen, distance=seen.distance + self._noise, radius=seen.radius + self._noise)

@@ -1,4 +1,4 @@
-"""What is still owed: plain coverage, one look a cell and magnitude (thesis 5.2.1 with K = 1)."""
+"""The map of plain coverage: one look for each cell and magnitude (thesis 5.2.1 with K = 1)."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class CoverageMap:
     """Marks cells as covered from measured positions, never from planned ones.
 
     Satisfies `demand.FlownMap`. `first` is (J, K) [s]: when each magnitude was first measured on each cell, inf where
-    never. Sensing radii count less `margin_m` [m], by default the noise of the mission's positions: what is marked
-    was truly measured.
+    never. Sensing radii are shortened by `margin_m` [m], by default the noise of the mission's positions, so that
+    cells that are marked were truly measured.
     """
 
     endless = False
@@ -29,15 +29,16 @@ class CoverageMap:
     def __init__(self, mission: Mission, margin_m: float | None = None) -> None:
         self._cell = mission.field.cell
         noise_m = mission.spec.disturbance.position_noise_m if margin_m is None else margin_m
-        self._sight = Visibility(mission.field, mission.fleet.radius - noise_m if noise_m else mission.fleet.radius)
-        self.first: FloatArray = np.full(self._sight.shape, np.inf)
+        radius = mission.fleet.radius - noise_m if noise_m else mission.fleet.radius
+        self._visibility = Visibility(mission.field, radius)
+        self.first: FloatArray = np.full(self._visibility.shape, np.inf)
 
     def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
-        """Mark what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows see nothing.
+        """Mark what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows measure nothing.
 
         Of agents that measure at different times (m,) the latest counts.
         """
-        first, seen = self.first.reshape(-1), self._sight.looks(0.0, position).place
+        first, seen = self.first.reshape(-1), self._visibility.looks(0.0, position).place
         first[seen] = np.minimum(first[seen], np.max(time_s))
 
     def demand(self, time_s: float, position: FloatArray) -> Demand:  # noqa: ARG002 - as all maps
@@ -45,7 +46,7 @@ class CoverageMap:
         return Demand(self.residual)
 
     def begin_lap(self, time_s: float, position: FloatArray) -> None:
-        """Do nothing: what is owed is owed."""
+        """Do nothing: this map has no laps."""
 
     @property
     def residual(self) -> FloatArray:
@@ -88,9 +89,9 @@ class CoverageMap:
         return not bool(self.owed.any())
 
     def state(self) -> dict[str, FloatArray]:
-        """Return all that a successor needs."""
+        """Return the state from which a later controller resumes."""
         return {"first": self.first.copy()}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
-        """Go on from what `state` returned; a ValueError if it is that of another map."""
+        """Resume from what `state` returned; raise ValueError if it is that of another map."""
         self.first = checked(state, {"first": self.first.shape})["first"]

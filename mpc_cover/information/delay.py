@@ -1,4 +1,4 @@
-"""How late an agent knows of the others (5.2.1.1, 6.3): by a fixed delay, or by hops over the network."""
+"""Models of the delay with which agents know of each other (5.2.1.1, 6.3): fixed, or by hops over the network."""
 
 from __future__ import annotations
 
@@ -10,29 +10,30 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
 
 _NEVER = -1
-"""Sample number of an agent that one has not heard of."""
+"""Sample number of an agent of which none is known."""
 
 
 class Delay(Protocol):
-    """Tells, sample by sample, the newest sample of each agent that each agent knows."""
+    """Returns, sample by sample, the newest sample of each agent that each agent knows."""
 
     def known(self, sample: int, adjacent: BoolArray) -> IntArray:
         """Return (m, m): the newest sample of agent j (column) that agent i (row) knows; -1 for none.
 
-        Called once a sample, in order; `adjacent` (m, m) says who hears whom at that sample.
+        Called once a sample, in order; `adjacent` (m, m) is which agents hear each other at that sample.
         """
         ...
 
 
 class FixedDelay:
-    """Everyone knows the others' sample n - delta at sample n, and nothing while n < delta (6.3).
+    """Every agent knows the others' sample n - delta at sample n, and nothing while n < delta (6.3).
 
     For n <= delta the thesis holds the others' start and would count it in every step, which breaks the
     over-estimate that it relies on; here, as in its own stochastic case, nothing is counted then.
 
     Parameters
     ----------
-    steps : delta [samples], one number or (m, m) by who knows (row) of whom (column); 0 is global knowledge.
+    steps : delta [samples], one number or (m, m) by the agent that knows (row) of another (column); 0 is global
+        knowledge.
 
     Raises
     ------
@@ -53,10 +54,10 @@ class FixedDelay:
 
 
 class RelayDelay:
-    """Agents tell their neighbours everything they know, one hop a sample: the delay is the number of hops.
+    """Agents send their neighbours everything they know, one hop a sample: the delay is the number of hops.
 
-    Over a graph that stays as it is, agent i knows sample n - h of an agent h hops away. When the graph
-    changes, what was known stays known.
+    Over a constant graph, agent i knows sample n - h of an agent h hops away. When the graph changes, samples that
+    were known stay known.
     """
 
     def __init__(self, agents: int) -> None:
@@ -64,14 +65,14 @@ class RelayDelay:
 
     def known(self, sample: int, adjacent: BoolArray) -> IntArray:
         """Return (m, m): the newest sample of j that i knows; -1 for none."""
-        told = np.where(adjacent[:, :, None], self._known[None], _NEVER).max(axis=1, initial=_NEVER)
-        self._known = np.maximum(self._known, told)
+        received = np.where(adjacent[:, :, None], self._known[None], _NEVER).max(axis=1, initial=_NEVER)
+        self._known = np.maximum(self._known, received)
         np.fill_diagonal(self._known, sample)
         return self._known.copy()
 
 
 def adjacency(position: FloatArray, reach: float) -> BoolArray:
-    """Return (m, m): who hears whom, agents at (m, d) positions [m] within `reach` [m]; nobody himself."""
+    """Return (m, m): which agents at (m, d) positions [m] are within `reach` [m]; False on the diagonal."""
     offset = position[:, None] - position[None]
     near = (offset**2).sum(axis=2) <= reach**2
     np.fill_diagonal(near, val=False)
@@ -79,7 +80,7 @@ def adjacency(position: FloatArray, reach: float) -> BoolArray:
 
 
 def hop_counts(adjacent: BoolArray) -> IntArray:
-    """Return (m, m): the fewest hops between two agents; m where there is no way."""
+    """Return (m, m): the fewest hops between two agents; m where there is no path."""
     agents = adjacent.shape[0]
     hops = np.full((agents, agents), agents, dtype=np.intp)
     reached = np.eye(agents, dtype=bool)

@@ -1,4 +1,4 @@
-"""Delayed maps: what each agent knows of the residual information, late and never too little (5.2.1.1)."""
+"""Delayed maps: each agent's own knowledge of the residual information, which over-estimates it (5.2.1.1)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class TakesLooks(Protocol):
     """A map that fuses looks in any order."""
 
     def take(self, looks: Looks) -> None:
-        """Take looks, each once."""
+        """Take in looks, each once."""
         ...
 
     @property
@@ -30,14 +30,14 @@ M = TypeVar("M", bound=TakesLooks)
 
 
 class HeardMap(Generic[M]):
-    """One agent's own map: it takes each sample of each agent once, however often and late it is relayed.
+    """One agent's own map: it takes in each sample of each agent once, however often and late it is received.
 
-    For an agent that runs by itself. gamma depends only on which looks were taken, so a map that lacks some
+    For an agent that runs by itself. gamma depends only on which looks were taken in, so a map that lacks some
     over-estimates: when it is zero, everything is covered.
 
     Attributes
     ----------
-    map : what the looks are fused into.
+    map : the map that looks are fused into.
     """
 
     def __init__(self, inner: M, agents: int) -> None:
@@ -46,14 +46,14 @@ class HeardMap(Generic[M]):
         self._ahead: list[set[int]] = [set() for _ in range(agents)]
 
     def hear(self, agent: int, sample: int, looks: Looks) -> bool:
-        """Take what `agent` (index) measured at its `sample` (0, 1, ...); False where that was known already."""
+        """Take in what `agent` (index) measured at its `sample` (0, 1, ...); False where that was known already."""
         if not self.note(agent, sample):
             return False
         self.map.take(looks)
         return True
 
     def note(self, agent: int, sample: int) -> bool:
-        """Note that a sample is known, whose looks the caller sees to; False where it was known already."""
+        """Note that a sample is known, whose looks the caller takes in; False where it was known already."""
         if sample < self._next[agent] or sample in self._ahead[agent]:
             return False
         self._ahead[agent].add(sample)
@@ -63,12 +63,12 @@ class HeardMap(Generic[M]):
         return True
 
     def missing(self, agent: int) -> int:
-        """Return the first sample of `agent` not heard yet: what to ask the neighbours for."""
+        """Return the first sample of `agent` not received yet, to be requested from neighbours."""
         return self._next[agent]
 
 
 class DelayedMaps(Generic[M]):
-    """All agents' maps in one process: a simulation of who knows what when.
+    """All agents' maps in one process: simulates which agent knows which looks when.
 
     Attributes
     ----------
@@ -82,9 +82,9 @@ class DelayedMaps(Generic[M]):
         self._log: dict[int, list[Looks]] = {}
 
     def observe(self, sample: int, looks: Looks, adjacent: BoolArray) -> None:
-        """Record the fleet's looks at a sample, and give each map what its agent knows by then.
+        """Record the fleet's looks at a sample, and update each map with those that its agent knows by then.
 
-        `sample` counts 0, 1, 2, ...; `adjacent` (m, m) says who hears whom.
+        `sample` counts 0, 1, 2, ...; `adjacent` (m, m) is which agents hear each other.
         """
         self._log[sample] = [looks.where(looks.agent == j) for j in range(len(self.maps))]
         known = self._delay.known(sample, adjacent)

@@ -1,4 +1,4 @@
-"""What a plan is asked for: where something is owed, how much that matters, and how many looks it takes."""
+"""The demand on plans: where information is owed, with what weight, and how many looks it takes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
 
 _LEAST = 0.25
-"""What is owed weighs at least this part of what is owed most: less would be lost in a QP's tolerance."""
+"""Smallest weight relative to the largest: smaller ones would be lost in a QP's tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Demand:
 
 
 class FlownMap(Protocol):
-    """Residual information as a flight needs it: measured, planned for, told, kept for a successor.
+    """A map of residual information in flight: updated, planned for, reported, and kept for a later controller.
 
     Attributes
     ----------
@@ -41,15 +41,15 @@ class FlownMap(Protocol):
     endless: bool
 
     def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
-        """Take what a fleet at (m, d) positions [m] measures at a mission time [s], or each agent at its own (m,)."""
+        """Take in what a fleet at (m, d) positions [m] measures at a mission time [s], one for all or (m,)."""
         ...
 
     def demand(self, time_s: float, position: FloatArray) -> Demand:
-        """Return what a plan that has the fleet at (m, d) positions [m] at `time_s` [s] is to cover."""
+        """Return what a plan from (m, d) positions [m] at `time_s` [s] on is to cover."""
         ...
 
     def begin_lap(self, time_s: float, position: FloatArray) -> None:
-        """Choose anew what plans from (m, d) positions [m] at `time_s` [s] on are to cover, if that is by laps."""
+        """Begin a lap of plans from (m, d) positions [m] at `time_s` [s] on, if the map has laps."""
         ...
 
     @property
@@ -93,11 +93,11 @@ class FlownMap(Protocol):
         ...
 
     def state(self) -> dict[str, FloatArray]:
-        """Return all that a successor needs to go on as if nothing had happened."""
+        """Return the state from which a later controller resumes exactly."""
         ...
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
-        """Go on from what `state` returned.
+        """Resume from what `state` returned.
 
         Raises
         ------

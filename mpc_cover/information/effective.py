@@ -18,11 +18,11 @@ _ROUNDING = 1e-12
 
 
 class InstantCoverage(Protocol):
-    """A_i(q_i, p_k): what each look adds; positive in range, zero elsewhere (where there is no look)."""
+    """A_i(q_i, p_k): the amount that each look adds; positive in range, zero elsewhere (where there is no look)."""
 
     peak: float
     usual: float
-    """What a look adds on average, from anywhere in the disc."""
+    """The average amount of a look, from anywhere in the disc."""
 
     def __call__(self, looks: Looks) -> FloatArray:
         """Return (n,) amounts, each > 0 and at most `peak`."""
@@ -102,7 +102,7 @@ class EffectiveCoverage(ResidualMap):
 
     @property
     def kept(self) -> dict[str, FloatArray]:
-        """The arrays that say what was measured; to write to them is to remember."""
+        """The arrays of what was measured; writing to them changes the map."""
         return {**super().kept, "effective": self.effective}
 
     def _fuse(self, looks: Looks) -> None:

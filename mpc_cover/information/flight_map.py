@@ -1,4 +1,4 @@
-"""Maps of several looks in flight: K-coverage, effective coverage and Kalman maps, fed at the controller's pace."""
+"""Maps of several looks in flight: K-coverage, effective coverage and Kalman maps, updated once a period."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ if TYPE_CHECKING:
 
 
 class FlightMap:
-    """A residual map that is measured at a pace; satisfies `demand.FlownMap`.
+    """A residual map whose looks count once a period; satisfies `demand.FlownMap`.
 
     Parameters
     ----------
-    inner : what the looks are fused into.
-    pace : which looks count; `sensing` is the same, with readings where the map asks for them.
-    graded : whether gamma weighs plans; looks owed tell it all where each look adds the same.
+    inner : the map that looks are fused into.
+    pace : selects the looks that count; `sensing` is the same, with readings where the map asks for them.
+    graded : whether gamma weights plans; where each look adds the same, the number of looks owed suffices.
     """
 
     endless = False
 
     def __init__(self, inner: ResidualMap, pace: PacedSensing, sensing: Sensing, *, graded: bool) -> None:
         self.map = inner
-        self._speeds, self._sensing, self._graded = pace, sensing, graded
+        self._pace, self._sensing, self._graded = pace, sensing, graded
 
     def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
-        """Take what a fleet at (m, d) positions [m] measures at a mission time [s], or each agent at its own (m,)."""
+        """Take in what a fleet at (m, d) positions [m] measures at a mission time [s], one for all or (m,)."""
         self.map.take(self._sensing.looks(time_s, position))
 
     def demand(self, time_s: float, position: FloatArray) -> Demand:
-        """Return what a plan that has the fleet at (m, d) positions [m] at `time_s` [s] is to cover.
+        """Return what a plan from (m, d) positions [m] at `time_s` [s] on is to cover.
 
         Plans count a look at their first sample; where that comes too soon to count, one more is asked for.
         """
         owed = self.map.owed
         gamma = scaled(self.map.residual) if self._graded else owed.astype(float)
-        looks = np.where(owed, self.map.looks_expected + self._speeds.too_soon(time_s, position), 0)
+        looks = np.where(owed, self.map.looks_expected + self._pace.too_soon(time_s, position), 0)
         return Demand(gamma, looks if looks.max(initial=0) > 1 else None)
 
     def begin_lap(self, time_s: float, position: FloatArray) -> None:
-        """Do nothing: what is owed is owed."""
+        """Do nothing: this map has no laps."""
 
     @property
     def residual(self) -> FloatArray:
@@ -91,13 +91,13 @@ class FlightMap:
         return self.map.complete
 
     def state(self) -> dict[str, FloatArray]:
-        """Return all that a successor needs to go on as if nothing had happened."""
-        return {name: array.copy() for name, array in self.map.kept.items()} | {"recent": self._speeds.state()}
+        """Return the state from which a later controller resumes exactly."""
+        return {name: array.copy() for name, array in self.map.kept.items()} | {"recent": self._pace.state()}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
-        """Go on from what `state` returned; a ValueError if it is that of another map."""
+        """Resume from what `state` returned; raise ValueError if it is that of another map."""
         shapes = {name: array.shape for name, array in self.map.kept.items()}
         found = checked(state, {**shapes, "recent": (3, None)})
         for name, array in self.map.kept.items():
             array[:] = found[name]
-        self._speeds.restore(found["recent"])
+        self._pace.restore(found["recent"])

@@ -69,7 +69,7 @@ class KalmanMap(ResidualMap):
 
     @property
     def kept(self) -> dict[str, FloatArray]:
-        """The arrays that say what was measured; to write to them is to remember."""
+        """The arrays of what was measured; writing to them changes the map."""
         return {**super().kept, "information": self.information, "state": self.state}
 
     def gamma_at(self, place: IntArray | slice) -> FloatArray:

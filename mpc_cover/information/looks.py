@@ -1,4 +1,4 @@
-"""Measurements as flat arrays: who looked at which cell, when, from how far, and what was read (5.3, 5.7)."""
+"""Measurements as flat arrays: agent, cell, time, distance and reading of each look (5.3, 5.7)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Looks:
     distance : (n,) [m] from the agent to the cell's centroid.
     radius : (n,) [m] within which the agent measures the magnitude.
     time_s : (n,) [s] of the mission.
-    value : (n,) what was read, in the field's unit; None where nobody asks for it.
+    value : (n,) readings, in the field's unit; None for maps that use none.
     """
 
     agent: IntArray
@@ -52,7 +52,7 @@ class Looks:
 
 
 _DENSE = 8
-"""With more looks than one in so many places, one pass over all places is the faster way to add them up."""
+"""With more looks than one in so many places, one pass over all places is faster."""
 
 
 def accumulate(total: FloatArray, place: IntArray, amount: float | FloatArray) -> None:
@@ -81,7 +81,7 @@ def joined(parts: Sequence[Looks]) -> Looks:
 
 
 class Sensing(Protocol):
-    """Whatever turns positions into looks: the cells in range, with readings or without."""
+    """Turns positions into looks: the cells in range, with readings or without."""
 
     @property
     def shape(self) -> tuple[int, int]:

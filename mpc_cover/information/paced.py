@@ -1,6 +1,6 @@
-"""Looks at a measured pace: an agent's next look at a cell counts a period after its last.
+"""Sensing whose looks count at most once a period: an agent's next look at a cell counts a period after its last.
 
-Agents report several times a period; without a pace, looks would be counted by how often they report.
+Agents report several times a period; without this, the number of looks would depend on how often they report.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ _EARLY = 1e-6
 class PacedSensing:
     """The looks of another sensing that count.
 
-    Whoever takes each look as soon as it counts takes as many as can be taken: no choice of instants that are a
-    period apart has more by any time. So plans, which look at their samples only, promise no more than is counted.
+    Taking each look as soon as it counts is optimal: no choice of instants a period apart has more by any time. So
+    plans, which look at their samples only, promise no more looks than are counted.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class PacedSensing:
         self._sensing = sensing
         self._wait = period_s * (1.0 - _EARLY)
         rows, columns = sensing.shape
-        # zeros cost no memory where nobody looks; missions begin at 0 s
+        # zeros cost no memory where there are no looks; missions begin at 0 s
         self._free_at: FloatArray = np.zeros((agents, rows * columns))
         self._now_s = 0.0
 
@@ -44,7 +44,7 @@ class PacedSensing:
         return self._sensing.shape
 
     def looks(self, time_s: float | FloatArray, position: FloatArray, agent: IntArray | None = None) -> Looks:
-        """Return the looks of agents (m,) at (m, d) positions [m] that count, and take note of them."""
+        """Return the looks of agents (m,) at (m, d) positions [m] that count, and record them."""
         seen = self._sensing.looks(time_s, position, agent)
         counted = seen.where(seen.time_s >= self._free_at[seen.agent, seen.place])
         self._free_at[counted.agent, counted.place] = counted.time_s + self._wait
@@ -59,12 +59,12 @@ class PacedSensing:
         return np.bincount(early.place, minlength=rows * columns).reshape(rows, columns)
 
     def state(self) -> FloatArray:
-        """Return (3, n): agent, place, and when it may look there again [s], where that is still to come."""
+        """Return (3, n): agent, place, and when its next look there counts [s], where that is in the future."""
         agent, place = np.nonzero(self._free_at > self._now_s)
         return np.stack([agent.astype(float), place.astype(float), self._free_at[agent, place]])
 
     def restore(self, state: FloatArray) -> None:
-        """Go on from what `state` returned."""
+        """Resume from what `state` returned."""
         self._free_at = np.zeros_like(self._free_at)
         self._free_at[state[0].astype(np.intp), state[1].astype(np.intp)] = state[2]
         self._now_s = float((state[2] - self._wait).max(initial=0.0))

@@ -1,4 +1,4 @@
-"""Ageing maps in flight: laps over what is due, for ever (chapter 7)."""
+"""Ageing maps in flight: repeated laps over the cells that are due (chapter 7)."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 class PatrolMap:
-    """What is due again; satisfies `demand.FlownMap`, and is never complete.
+    """The map of a patrol; satisfies `demand.FlownMap`, and is never complete.
 
     Places that were never measured are owed from the start, and as old as the mission. A lap is what a plan has to
-    cover: what will be too old when the lap is over, as far as it was not measured since the lap began. How long laps
-    take is learnt from those that were done.
+    cover: places that will be too old when the lap is over, and were not measured since it began. The duration of
+    laps is estimated from those completed.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class PatrolMap:
         self._lap_from, self._lap_s = 0.0, 0.0
 
     def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
-        """Take what a fleet at (m, d) positions [m] measures at a mission time [s], or each agent at its own (m,)."""
+        """Take in what a fleet at (m, d) positions [m] measures at a mission time [s], one for all or (m,)."""
         looks = self._sensing.looks(time_s, position)
         np.minimum.at(self.first.reshape(-1), looks.place, looks.time_s)
         if self._lap.any():
@@ -49,8 +49,8 @@ class PatrolMap:
             if not self._lap.any():
                 self._end_lap(float(looks.time_s.max()))
         self.ages.take(looks)
-        heard = np.asarray(time_s, dtype=float)
-        self.ages.pass_time(float(heard.max(initial=self.ages.now_s, where=np.isfinite(heard))))
+        times = np.asarray(time_s, dtype=float)
+        self.ages.pass_time(float(times.max(initial=self.ages.now_s, where=np.isfinite(times))))
 
     @property
     def residual(self) -> FloatArray:
@@ -58,10 +58,10 @@ class PatrolMap:
         return self._growth * self.ages.residual
 
     def begin_lap(self, time_s: float, position: FloatArray) -> None:
-        """Choose what a lap from (m, d) positions [m] at `time_s` [s] on is to cover, by how much too old it would get.
+        """Choose what a lap from (m, d) positions [m] at `time_s` [s] on covers, weighted by the excess of age.
 
-        A lap begins as late as it may: when something would be too old at its end, or is unknown. It takes in all that
-        would be too old another lap later, for which the lap after it would have to begin too early.
+        A lap begins as late as possible: when a place would be too old at its end, or is unknown. It includes all
+        places that would be too old another lap later, for which the next lap would have to begin too early.
         """
         if self._lap.any() and not self.demand(time_s, position).gamma.any():
             self._end_lap(time_s)
@@ -90,7 +90,7 @@ class PatrolMap:
 
     @property
     def owed(self) -> BoolArray:
-        """(J, K): everything; whatever was measured is owed another look, sooner or later."""
+        """(J, K): everywhere; each place will be owed another look."""
         return np.ones(self.first.shape, dtype=bool)
 
     @property
@@ -124,13 +124,13 @@ class PatrolMap:
         return self.covered_count / self.cell_count
 
     def state(self) -> dict[str, FloatArray]:
-        """Return all that a successor needs to go on as if nothing had happened."""
+        """Return the state from which a later controller resumes exactly."""
         kept = {"first": self.first, "last": self.ages.last, "lap": self._lap}
         clock = np.array([self.ages.now_s, self._lap_from, self._lap_s])
         return {name: array.copy() for name, array in kept.items()} | {"clock": clock}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
-        """Go on from what `state` returned; a ValueError if it is that of another map."""
+        """Resume from what `state` returned; raise ValueError if it is that of another map."""
         shape = self.first.shape
         found = checked(state, {"first": shape, "last": shape, "lap": shape, "clock": (3,)})
         self.first, self.ages.last, self._lap = found["first"], found["last"], found["lap"]

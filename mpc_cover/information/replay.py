@@ -1,4 +1,4 @@
-"""What a recorded motion measured, by the map that its mission asks for."""
+"""Replays a recorded motion into the map that its mission asks for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What both controllers ask of a map: gamma, what is owed, how much is done (5.2.1)."""
+"""The interface and base class of residual information maps: gamma, what is owed, what is covered (5.2.1)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class InformationMap(Protocol):
     """Residual information of (magnitude, cell), whatever "measured" means."""
 
     def observe(self, time_s: float, position: FloatArray) -> None:
-        """Take what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows see nothing."""
+        """Take in what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows measure nothing."""
         ...
 
     @property
@@ -41,10 +41,10 @@ class InformationMap(Protocol):
 
 
 class ResidualMap(ABC):
-    """A gamma that obeys the assumptions of 5.2.1, with the erratum: positive, not increasing, zero in finite looks.
+    """A gamma by the assumptions of 5.2.1, with the erratum: positive, not increasing, zero in finite looks.
 
-    Looks may be taken in any order and in any grouping: gamma depends on which were taken only. That is what
-    lets delayed maps over-estimate (5.2.1.1).
+    Looks may be taken in any order and in any grouping: gamma depends only on which were taken. Therefore delayed
+    maps over-estimate (5.2.1.1).
 
     Attributes
     ----------
@@ -75,15 +75,15 @@ class ResidualMap(ABC):
 
     @property
     def kept(self) -> dict[str, FloatArray]:
-        """The arrays that say what was measured; to write to them is to remember."""
+        """The arrays of what was measured; writing to them changes the map."""
         return {"done_at": self.done_at}
 
     def observe(self, time_s: float, position: FloatArray) -> None:
-        """Take what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows see nothing."""
+        """Take in what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows measure nothing."""
         self.take(self._sensing.looks(time_s, position))
 
     def take(self, looks: Looks) -> None:
-        """Take looks, each once, in any order."""
+        """Take in looks, each once, in any order."""
         if looks.count == 0:
             return
         self._fuse(looks)

@@ -35,7 +35,7 @@ class NoisySensing:
     sensing : which cells are in range.
     truth : (J, K) the field x.
     noise : (m,) R of each agent's sensor, or one number for all, in the field's unit squared.
-    rng : where the noise comes from.
+    rng : random generator of the noise.
     """
 
     sensing: Sensing
@@ -59,9 +59,9 @@ class NoisySensing:
 
 @dataclass(frozen=True, eq=False)
 class TimedReadings:
-    """Readings z = x + v whose noise depends only on who takes them when: anybody who works them out reads the same.
+    """Readings z = x + v whose noise depends only on agent and time: all that compute a reading get the same.
 
-    They come in steps of a hundredth or so of the noise, as instruments' do: few digits tell them exactly.
+    They are quantised to about a hundredth of the noise, as instruments' are: few digits represent them exactly.
 
     Attributes
     ----------

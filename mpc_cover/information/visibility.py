@@ -1,7 +1,7 @@
-"""Which cells are in range (5.3), from windows of the grid around each agent instead of all distances.
+"""The cells in range of agents (5.3), from a subgrid around each agent instead of all distances.
 
-Cells are a product of axes, so the squared distances of a window are sums of one number an axis; only what is
-within the radius is ever looked up. `mpc-cover bench maps` prints the time of a step.
+Cells are a product of axes, so the squared distances in a subgrid are sums of one number per axis; only cells within
+the radius are looked up. `mpc-cover bench maps` prints the time of a step.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from mpc_cover.mission.field import Field
 
 _TIE = 1e-9
-"""A cell at distance exactly rho is measured, whatever the last bit says [m]; as in `model.sensing`."""
+"""A cell at distance exactly rho is measured, in spite of rounding [m]; as in `model.sensing`."""
 _FAR = 1e15
-"""Positions beyond this see nothing, and would not fit an index."""
+"""Positions beyond this measure nothing, and would overflow an index."""
 
 
 class Visibility:
@@ -61,7 +61,7 @@ class Visibility:
         return self._shape
 
     def looks(self, time_s: float | FloatArray, position: FloatArray, agent: IntArray | None = None) -> Looks:
-        """Return what agents (m,) at (m, d) positions [m] measure at a time [s]; NaN rows see nothing.
+        """Return what agents (m,) at (m, d) positions [m] measure at a time [s]; NaN rows measure nothing.
 
         `agent` are indices into the fleet; left out, the rows are the whole fleet. `time_s` may be (fleet,), too.
         """

@@ -1,4 +1,4 @@
-"""Numbers and names as missions may hold them, and what all their models share."""
+"""Types of the numbers and names in missions, and the base class of their models."""
 
 from __future__ import annotations
 

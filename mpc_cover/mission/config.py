@@ -5,6 +5,7 @@ Nothing here computes; `field.py` and `fleet.py` turn these models into arrays.
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
@@ -14,12 +15,44 @@ from mpc_cover.mission.information import (
     AgeingInformation,
     EffectiveInformation,
     Information,
+    InformationKind,
     KalmanInformation,
     LookInformation,
 )
 from mpc_cover.mission.potential_spec import PotentialSpec
 
 SCHEMA_VERSION = 1
+
+
+class Dynamics(StrEnum):
+    """How agents move."""
+
+    DOUBLE = "double"
+    """Double integrators (3.1)."""
+    SINGLE = "single"
+    """Single integrators (5.1), whose u_max is `speed_max_m_per_s`: these fly by the potential law only."""
+
+
+class PlanStart(StrEnum):
+    """How offline plans start."""
+
+    FIXED = "fixed"
+    """At rest at `start_m`."""
+    FREE = "free"
+    """In any state (3.15)."""
+
+
+class PlanEnd(StrEnum):
+    """How offline plans end."""
+
+    REST = "rest"
+    """At rest anywhere."""
+    FREE = "free"
+    """In any state."""
+    FIXED = "fixed"
+    """At rest at `end_m`."""
+    CLOSED = "closed"
+    """In the state that the plan starts from."""
 
 
 class BoxShape(Model):
@@ -72,7 +105,7 @@ class Area(Model):
     motion_max_m: Point | None = None
     """Upper corner of the box that agents stay in (3.13); default: W's bounding box."""
     looks: Annotated[int, Field(ge=1, le=100)] = 1
-    """K: how often each cell must be looked at (K-coverage, 5.2.1). A look is one agent's; its next at the same
+    """K: how often each cell must be looked at (K-coverage, 5.2.1). A look is one agent's; its next look at the same
     cell counts a period later."""
     weights: WeightMap | None = None
     """How much each cell matters; left out, all the same."""
@@ -97,7 +130,7 @@ class AgentSpec(Model):
 
 
 class AgentDefaults(Model):
-    """What agents share."""
+    """Values of all agents that give none of their own."""
 
     sensing_radius_m: Radius | None = None
     input_max_m_per_s2: Positive | None = None
@@ -107,7 +140,7 @@ class AgentDefaults(Model):
 
 
 class FleetSpec(Model):
-    """The agents and what ties them together (4.18, 4.20)."""
+    """The agents and the constraints between them (4.18, 4.20)."""
 
     defaults: AgentDefaults = AgentDefaults()
     agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1, max_length=64)]
@@ -119,24 +152,22 @@ class FleetSpec(Model):
     """Pairs that always stay within range of each other: fixed topology (4.19)."""
     faults_tolerated: Annotated[int, Field(ge=0)] = 0
     """h: everything is covered even if any h agents fail from the start (robustness, section 4.1)."""
-    dynamics: Literal["double", "single"] = "double"
-    """Double integrators (3.1), or single integrators (5.1), whose u_max is `speed_max_m_per_s`: these fly by the
-    potential law only."""
+    dynamics: Dynamics = Dynamics.DOUBLE
 
 
 class Control(Model):
-    """The sampled controller."""
+    """The sampled-data controller."""
 
     period_s: Positive = 0.5
     """T_s of (4.23), and the period of the receding horizon."""
     horizon_steps: Annotated[int, Field(ge=2, le=400)] = 20
     deadline_fraction: Annotated[float, Field(gt=0, le=0.9)] = 0.5
-    """Part of the period that a control step may take before the ladder's next rung."""
+    """Part of the period that a control step may take before it falls back to the next best plan."""
     planning_time_s: Positive = 6.0
-    """Bound on the thorough planning before the start, while everyone is at rest; doubled, up to eightfold, whenever
+    """Bound on the thorough planning before the start, while the fleet is at rest; doubled, up to eightfold, whenever
     it was too short for a plan worth flying."""
     time_limit_s: Positive = 600.0
-    """Mission time after which the controller gives up and says so."""
+    """Mission time after which the controller gives up and reports a failure."""
     state_period_s: Positive = 0.1
     """How often agents measure and report."""
 
@@ -145,25 +176,23 @@ class Planning(Model):
     """One offline solve (`mpc-cover plan`)."""
 
     duration_s: Positive = 15.0
-    start: Literal["fixed", "free"] = "fixed"
-    """Whether plans start at rest at `start_m`, or wherever and however suits them (3.15)."""
-    end: Literal["rest", "free", "fixed", "closed"] = "rest"
-    """At rest anywhere, in any state, at rest at `end_m`, or in the state that the plan starts from."""
+    start: PlanStart = PlanStart.FIXED
+    end: PlanEnd = PlanEnd.REST
 
 
 class Disturbance(Model):
-    """Bounds on what simulated agents suffer; the controller's margins are derived from them."""
+    """Bounds on the disturbances of simulated agents; the controller's margins are derived from them."""
 
     position_noise_m: NonNegative = 0.0
     """Measured positions are off by at most this, uniformly in a ball."""
     input_noise_m_per_s2: NonNegative = 0.0
     """Accelerations are off by at most this, uniformly in a ball, anew each state period."""
     wind_m_per_s2: Annotated[tuple[Finite, ...], Field(max_length=3)] = ()
-    """A constant acceleration that acts on everyone."""
+    """A constant acceleration that acts on all agents."""
     delay_s: NonNegative = 0.0
-    """States reach the controller this late, at most a period."""
+    """Delay with which states reach the controller, at most a period."""
     slow_agents: dict[Name, Annotated[float, Field(gt=0, le=1)]] = Field(default_factory=dict)
-    """Agents that reach only this part of their speed, without knowing."""
+    """Agents that reach only this part of their speed limit, without knowing it."""
 
 
 class MissionSpec(Model):
@@ -174,7 +203,7 @@ class MissionSpec(Model):
     area: Area
     fleet: FleetSpec
     magnitudes: Annotated[tuple[Name, ...], Field(min_length=1)] = ("coverage",)
-    """What must be measured everywhere (Xi of 4.1); radii may differ for each."""
+    """The magnitudes to be measured everywhere (Xi of 4.1); radii may differ for each."""
     information: Information | None = None
     """When a cell counts as measured (5.2.1); left out, by one look, or by `area.looks`."""
     control: Control = Control()
@@ -183,11 +212,11 @@ class MissionSpec(Model):
     potential: PotentialSpec = PotentialSpec()
 
     @property
-    def information_kind(self) -> str:
-        """What "measured" means, in a word."""
+    def information_kind(self) -> InformationKind:
+        """What "measured" means."""
         if self.information is not None:
-            return self.information.kind
-        return "looks" if self.area.looks > 1 else "coverage"
+            return InformationKind(self.information.kind)
+        return InformationKind.LOOKS if self.area.looks > 1 else InformationKind.COVERAGE
 
     @property
     def looks(self) -> int:

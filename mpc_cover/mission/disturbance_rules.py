@@ -1,4 +1,4 @@
-"""What the disturbances of a mission must satisfy."""
+"""Validation of a mission's `disturbance`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LARGEST_NOISE = 0.25
 
 
 def disturbance_problems(spec: MissionSpec) -> Iterator[Problem]:
-    """Yield what is wrong with the bounds on what agents suffer."""
+    """Yield what is wrong with the bounds on disturbances."""
     given, agents = spec.disturbance, spec.fleet.agents
     if wrong := sorted(set(given.slow_agents) - {agent.id for agent in agents}):
         right = f"unknown agents {wrong}: must be among {[agent.id for agent in agents]}"
@@ -38,12 +38,12 @@ def disturbance_problems(spec: MissionSpec) -> Iterator[Problem]:
 
 
 def _push_problems(spec: MissionSpec) -> Iterator[Problem]:
-    """Say when gusts and wind leave the weakest agent too little input to fly with."""
+    """Yield a problem when gusts and wind leave the weakest agent too little input to fly with."""
     given = spec.disturbance
     wind = float(np.linalg.norm(given.wind_m_per_s2)) if given.wind_m_per_s2 else 0.0
     limits = [limit for agent in spec.fleet.agents if (limit := agent_input_max(spec, agent)) is not None]
     if not limits:
-        return  # already said, agent by agent
+        return  # already reported, agent by agent
     push, room = given.input_noise_m_per_s2 + wind, LARGEST_PUSH * min(limits)
     if push > room:
         name = "wind_m_per_s2" if wind > given.input_noise_m_per_s2 else "input_noise_m_per_s2"

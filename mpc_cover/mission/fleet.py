@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.mission.config import Dynamics
+
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.config import AgentSpec, MissionSpec
@@ -71,7 +73,7 @@ def agent_radii(spec: MissionSpec, agent: AgentSpec) -> FloatArray:
 def agent_input_max(spec: MissionSpec, agent: AgentSpec) -> float | None:
     """Return the bound on an agent's input [m/s^2], given or as force over mass; None where neither is given.
 
-    Single integrators need none: what their velocity may change by in a period stands in for it.
+    Single integrators need none: the largest change of their velocity in a period stands in for it.
     """
     given = agent_value(spec, agent, "input_max_m_per_s2")
     if isinstance(given, float):
@@ -80,7 +82,7 @@ def agent_input_max(spec: MissionSpec, agent: AgentSpec) -> float | None:
     if isinstance(mass, float) and isinstance(force, float):
         return force / mass
     speed = agent_value(spec, agent, "speed_max_m_per_s")
-    jumps = spec.fleet.dynamics == "single" and isinstance(speed, float)
+    jumps = spec.fleet.dynamics is Dynamics.SINGLE and isinstance(speed, float)
     return 2.0 * speed / spec.control.period_s if jumps and isinstance(speed, float) else None
 
 

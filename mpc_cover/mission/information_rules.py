@@ -1,4 +1,4 @@
-"""What must hold for the ways in which a mission's cells are measured."""
+"""Validation of a mission's `information`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from mpc_cover.errors import Problem
 from mpc_cover.mission.information import (
     AgeingInformation,
+    CoverageFunction,
     EffectiveInformation,
     KalmanInformation,
     LookInformation,
@@ -42,7 +43,7 @@ def information_problems(spec: MissionSpec) -> Iterator[Problem]:
 
 
 def _effective_problems(given: EffectiveInformation) -> Iterator[Problem]:
-    if given.function == "constant" and given.rim is not None:
+    if given.function is CoverageFunction.CONSTANT and given.rim is not None:
         yield Problem("information.rim", given.rim, "must be left out: a constant function has none")
         return
     if given.least > given.peak:

@@ -17,8 +17,8 @@ from mpc_cover.mission.config import MissionSpec
 from mpc_cover.mission.field import Field, bounding_box, build_field
 from mpc_cover.mission.fleet import Fleet, build_fleet
 from mpc_cover.mission.validation import find_problems
+from mpc_cover.mission.validation_errors import problems_of
 from mpc_cover.mission.weights import with_weights
-from mpc_cover.mission.wording import problems_of
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -76,7 +76,7 @@ def build_mission(raw: object, what: str) -> Mission:
 
 
 def load_mission(path: str | Path) -> Mission:
-    """Read a mission file; a bare name such as `box-3` finds the missions that come with us.
+    """Read a mission file; a bare name such as `box-3` is that of a mission of the package.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def shipped_missions() -> list[Path]:
 
 
 def _find(path: Path) -> Path:
-    """Return the mission's file; a folder of the same name does not hide a mission that comes with us."""
+    """Return the mission's file; a folder of the same name does not hide a mission of the package."""
     with contextlib.suppress(OSError, ValueError):  # a name that no file can have
         if path.is_file():
             return path
@@ -134,7 +134,7 @@ def _find(path: Path) -> Path:
 
 
 def _cross_field_problems(raw: object, found: list[Problem]) -> list[Problem]:
-    """Look across the fields even though some are wrong: mend those with neutral values first."""
+    """Validate across the fields even though some are wrong: replace those by neutral values first."""
     repaired = _without(raw, [problem.path for problem in found])
     if not isinstance(repaired, dict):
         return []

@@ -1,4 +1,4 @@
-"""What a mission's topology and its offline planning must satisfy."""
+"""Validation of a mission's links and faults, and of its `planning`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.errors import Problem
+from mpc_cover.mission.config import PlanEnd, PlanStart
 from mpc_cover.mission.fleet import agent_input_max, agent_value
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def topology_problems(spec: MissionSpec) -> Iterator[Problem]:
             yield Problem(path, (one, two), f"must name two different agents of {list(places)}")
         elif reach is None:
             yield Problem(path, (one, two), "needs fleet.communication_range_m, which is missing")
-        elif places[one].shape == places[two].shape and spec.planning.start == "fixed":
+        elif places[one].shape == places[two].shape and spec.planning.start is PlanStart.FIXED:
             distance = float(np.linalg.norm(places[one] - places[two]))
             if distance > reach:
                 right = f"starts {distance:.3g} m long, must be at most communication_range_m {reach} m"
@@ -59,7 +60,7 @@ def planning_problems(spec: MissionSpec) -> Iterator[Problem]:
     if planning.duration_s > MAX_PLAN_STEPS * period:
         right = f"must be at most {MAX_PLAN_STEPS} periods of {period} s"
         yield Problem("planning.duration_s", planning.duration_s, right)
-    if planning.end != "fixed":
+    if planning.end is not PlanEnd.FIXED:
         return
     for index, agent in enumerate(fleet.agents):
         path = f"fleet.agents.{index}.end_m"
@@ -85,11 +86,11 @@ def _end_pairs(spec: MissionSpec) -> Iterator[Problem]:
 
 
 def _end_connections(spec: MissionSpec) -> Iterator[Problem]:
-    """Say which ends are out of range: no plan could end there (4.19, 4.20)."""
+    """Yield the ends that are out of range: no plan could end there (4.19, 4.20)."""
     fleet, reach = spec.fleet, spec.fleet.communication_range_m
     ends = {agent.id: np.array(agent.end_m) for agent in fleet.agents if agent.end_m is not None}
     if reach is None or len(ends) < len(fleet.agents) or len({end.shape for end in ends.values()}) > 1:
-        return  # already said, agent by agent
+        return  # already reported, agent by agent
     for index in unreached(np.array(list(ends.values())), reach):
         right = f"is not connected to {fleet.agents[0].id}'s end within communication_range_m {reach} m"
         yield Problem(f"fleet.agents.{index}.end_m", fleet.agents[index].end_m, right)
@@ -103,7 +104,7 @@ def _end_connections(spec: MissionSpec) -> Iterator[Problem]:
 
 
 def unreached(place: FloatArray, reach: float | None) -> list[int]:
-    """Return which of (m, d) places [m] the first one is not connected with by edges of at most `reach` [m]."""
+    """Return the indices of (m, d) places [m] not connected with the first by edges of at most `reach` [m]."""
     if reach is None:
         return []
     near = np.linalg.norm(place[:, None] - place[None], axis=2) <= reach
@@ -114,7 +115,7 @@ def unreached(place: FloatArray, reach: float | None) -> list[int]:
 
 
 def _reach_problems(spec: MissionSpec, index: int) -> Iterator[Problem]:
-    """Say when the end cannot be reached in time: rest to rest, straight, at full input and speed."""
+    """Yield a problem if the end cannot be reached in time: rest to rest, straight, at full input and speed."""
     agent = spec.fleet.agents[index]
     speed, force = agent_value(spec, agent, "speed_max_m_per_s"), agent_input_max(spec, agent)
     path = f"fleet.agents.{index}.end_m"
@@ -124,7 +125,7 @@ def _reach_problems(spec: MissionSpec, index: int) -> Iterator[Problem]:
         if corner is not None and any(sign * (q - c) < 0.0 for q, c in zip(agent.end_m, corner, strict=False)):
             yield Problem(path, agent.end_m, f"must lie where agents may move, within {low} and {high}")
             return
-    if spec.planning.start != "fixed" or not isinstance(speed, float) or force is None:
+    if spec.planning.start is not PlanStart.FIXED or not isinstance(speed, float) or force is None:
         return
     distance = float(np.linalg.norm(np.array(agent.end_m) - np.array(agent.start_m)))
     ramp = min(distance, speed**2 / force)

@@ -1,4 +1,4 @@
-"""What a mission that flies by the potential law must satisfy across its fields."""
+"""Validation of a mission's `potential`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from mpc_cover.errors import Problem
+from mpc_cover.mission.config import Dynamics
 from mpc_cover.mission.fleet import agent_input_max, agent_radii, agent_value
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def potential_problems(spec: MissionSpec) -> Iterator[Problem]:
             yield Problem("potential.attract_beyond_m", begin, f"must be less than communication_range_m {far:g}")
     yield from _core_problems(spec)
     yield from _silence_problems(spec)
-    if fleet.dynamics == "single" and (slow := spec.disturbance) != type(slow)():
+    if fleet.dynamics is Dynamics.SINGLE and (given := spec.disturbance) != type(given)():
         yield Problem("disturbance", "given", "needs fleet.dynamics double: nothing disturbs single integrators")
 
 
@@ -50,7 +51,7 @@ def _silence_problems(spec: MissionSpec) -> Iterator[Problem]:
 
 
 def smallest_radius(spec: MissionSpec) -> float | None:
-    """Return the smallest sensing radius of anyone for anything [m]; None while some are missing."""
+    """Return the smallest sensing radius of any agent for any magnitude [m]; None if none is given."""
     given = [agent for agent in spec.fleet.agents if agent_value(spec, agent, "sensing_radius_m") is not None]
     radii = [float(radius) for agent in given for radius in agent_radii(spec, agent) if math.isfinite(radius)]
     return min(radii, default=None)
@@ -58,7 +59,7 @@ def smallest_radius(spec: MissionSpec) -> float | None:
 
 def braking_samples(spec: MissionSpec) -> int:
     """Return how many periods the slowest to brake takes from full speed; 0 for single integrators."""
-    if spec.fleet.dynamics == "single":
+    if spec.fleet.dynamics is Dynamics.SINGLE:
         return 0
     longest = 0
     for agent in spec.fleet.agents:

@@ -21,11 +21,11 @@ class PotentialSpec(Model):
     """
 
     alpha: Steep = 4.0
-    """How fast the attraction of a cell falls with its distance (5.9)."""
+    """Exponent with which the attraction of a cell falls with its distance (5.9)."""
     core_m: Positive | None = None
-    """beta^(1/alpha) of (5.9): a cell does not attract from within; left out, half the smallest sensing radius."""
+    """beta^(1/alpha) of (5.9): within it a cell does not attract; left out, half the smallest sensing radius."""
     gain_m2_per_s: Positive | None = None
-    """K of (5.16), for each unit of residual information; left out, agents fly at u_max wherever they are drawn."""
+    """K of (5.16), for each unit of residual information; left out, agents fly at u_max along the gradient."""
     coordination_gain_m2_per_s: NonNegative = 0.1
     """Of the potentials of (6.1) and (6.5)."""
     random_part: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False), BeforeValidator(no_flag)] = 0.1
@@ -35,10 +35,10 @@ class PotentialSpec(Model):
     attract_beyond_m: Positive | None = None
     """R_C of (6.5); left out, 8/11 rho_C."""
     spare_edges: bool = True
-    """Whether agents without a controller keep edges, too, that leave the others connected when any one is lost."""
+    """Whether agents without a controller also keep edges that leave the others connected when any one is lost."""
     delay_samples: Samples | Literal["hops"] = "hops"
-    """delta of 6.3: how late agents know of each other; hops: as late as word takes, a hop a sample."""
+    """delta of 6.3: how late agents know of each other; hops: as late as messages arrive, one hop a sample."""
     patience_s: Positive = 10.0
-    """Time without news after which an agent attends to one cell only (lemma 6.2.1)."""
+    """Time without a change of the map after which an agent attends to one cell only (lemma 6.2.1)."""
     lost_after_samples: Annotated[int, Field(ge=2, le=MAX_DELAY), BeforeValidator(no_flag)] | None = None
-    """Silence after which a neighbour is lost; left out, as many as it takes to brake, and four."""
+    """Samples of silence after which a neighbour is lost; left out, four more than it takes to brake."""

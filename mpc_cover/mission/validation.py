@@ -1,4 +1,4 @@
-"""What a mission must satisfy across its fields; every mistake is found in one go."""
+"""Validation of a mission across its fields; all mistakes are found in one pass."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ MAX_CELLS = 200_000
 
 
 def find_problems(spec: MissionSpec, *, area_known: bool = True) -> list[Problem]:
-    """Return everything that is wrong with a mission whose fields are right one by one.
+    """Return everything that is wrong with a mission whose fields are valid one by one.
 
-    With `area_known` false its area is a stand-in, and nothing is said about that.
+    With `area_known` false its area is a placeholder, and not validated.
     """
     shape = list(_shape_problems(spec))
     area = [*shape, *([] if shape else _area_problems(spec))] if area_known else []
@@ -138,7 +138,7 @@ def _input_problems(spec: MissionSpec, agent: AgentSpec, where: str) -> Iterator
 def _fleet_problems(spec: MissionSpec) -> Iterator[Problem]:
     fleet = spec.fleet
     if len({len(agent.start_m) for agent in fleet.agents}) > 1:
-        return  # already said, agent by agent
+        return  # already reported, agent by agent
     start = np.array([agent.start_m for agent in fleet.agents])
     reach = fleet.communication_range_m
     if reach is not None and reach <= fleet.separation_min_m:

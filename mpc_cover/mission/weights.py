@@ -1,4 +1,4 @@
-"""Weight maps from files, read into the mission so that it needs no other file."""
+"""Weight maps from files, embedded in the mission so that it needs no other file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`mpc-cover bench planner`: everyone solves the same problem, one after the other, and is judged alike."""
+"""`mpc-cover bench planner`: all solvers solve the same problem, one after the other, judged by the same verifier."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 from mpc_cover.errors import UserError
-from mpc_cover.studies.case import GUESSES, make_case, start_from
+from mpc_cover.studies.case import Guess, make_case, start_from
 from mpc_cover.studies.peers.registry import OURS, chosen
 from mpc_cover.studies.race import Limit, Run, race
 from mpc_cover.studies.verdict import TOLERANCE, judge
@@ -28,19 +28,21 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
     from mpc_cover.studies.verdict import Verdict
 
+ALL_GUESSES = "all"
+"""Stands for all guesses."""
 _PACKAGES = ("casadi", "clarabel", "cvxpy", "numpy", "osqp", "piqp", "scipy")
 
 
 @dataclass(frozen=True, eq=False)
 class Race:
-    """All peers from one guess: its name, what the guess itself is worth, and what became of everyone."""
+    """All peers from one guess: its name, the verdict on the guess itself, and each peer's run."""
 
-    guess: str
+    guess: Guess
     before: Verdict
     runs: tuple[Run, ...]
 
 
-def guesses_of(name: str) -> tuple[str, ...]:
+def guesses_of(name: str) -> tuple[Guess, ...]:
     """Return the guesses that a name stands for.
 
     Raises
@@ -48,19 +50,19 @@ def guesses_of(name: str) -> tuple[str, ...]:
     UserError
         It is neither a guess nor "all".
     """
-    if name == "all":
-        return GUESSES
-    if name not in GUESSES:
-        raise UserError(f"--guess {name}: is none: must be one of {', '.join(GUESSES)} or all")
-    return (name,)
+    if name == ALL_GUESSES:
+        return tuple(Guess)
+    if name not in set(Guess):
+        raise UserError(f"--guess {name}: is none: must be one of {', '.join(Guess)} or all")
+    return (Guess(name),)
 
 
 def run_benchmark(
-    mission: Mission, guess: str, peers: str | None, limit: Limit, told: Callable[[str, Run], None]
+    mission: Mission, guess: str, peers: str | None, limit: Limit, on_progress: Callable[[str, Run], None]
 ) -> list[Race]:
     """Let the peers of a comma-separated list (None: all) solve the mission from a guess, or from all of them.
 
-    `told` hears the guess and the run so far as iterates come in.
+    `on_progress` is called with the guess and the run so far as iterates come in.
 
     Raises
     ------
@@ -72,19 +74,19 @@ def run_benchmark(
     races = []
     for name in names:
         x = start_from(case, name)
-        runs = [race(entry.name, mission, x, limit, partial(told, name)) for entry in entries]
+        runs = [race(entry.name, mission, x, limit, partial(on_progress, name)) for entry in entries]
         races.append(Race(name, judge(case, x), tuple(runs)))
     return races
 
 
 def rows_of(race_: Race) -> list[Row]:
-    """Return a race as the table shows it; times are compared with those of `ours-piqp`, where it takes part."""
+    """Return a race as the table shows it; times are relative to those of `ours-piqp`, where it takes part."""
     ours = next((run.time_s for run in race_.runs if run.name == OURS and run.answered), None)
     return [_row(run, ours) for run in race_.runs]
 
 
 def curves_of(race_: Race) -> list[Curve]:
-    """Return the least J that each peer had by when, of iterates that hold at the samples."""
+    """Return each peer's least J over time, of iterates that hold at the samples."""
     curves = []
     for run in race_.runs:
         times, costs = list[float](), list[float]()
@@ -121,7 +123,7 @@ def write_benchmark(folder: Path, mission: Mission, races: list[Race], limit: Li
 
 
 def check_folder(folder: Path) -> None:
-    """Find out before the work, not after it, whether a folder can be written.
+    """Check before the work that a folder can be written.
 
     Raises
     ------

@@ -1,14 +1,14 @@
-"""One problem for everyone: a mission's NLP (4.22, 4.34), and the guesses that all peers start from."""
+"""The problem of a benchmark: a mission's NLP (4.22, 4.34), and the guesses that all peers start from."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from enum import StrEnum
+from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
 from mpc_cover.constraints.pairs import all_pairs
-from mpc_cover.errors import UserError
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.guess import rest_guess
 from mpc_cover.planning.ocp import Margins, Requirements, requirements
@@ -20,8 +20,14 @@ if TYPE_CHECKING:
     from mpc_cover.planning.ocp import OCP
     from mpc_cover.planning.task import Task
 
-GUESSES = ("boustrophedon", "rest")
-"""What a benchmark may start from: strips of equal work, flown to and fro; or standing still."""
+
+class Guess(StrEnum):
+    """The initial guesses of a benchmark."""
+
+    BOUSTROPHEDON = "boustrophedon"
+    """Strips of equal work, flown to and fro."""
+    REST = "rest"
+    """All agents stand still."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +36,9 @@ class Case:
 
     Attributes
     ----------
-    mission : whose limits the verifier holds everyone to.
-    task, window : the same as the planner sees it. Peers hand over decision vectors of `ocp`: the
-        position at sample 0 and all velocities, so that the dynamics hold exactly for everyone.
+    mission : by whose limits the verifier judges all peers.
+    task, ocp : the same for the planner. Peers return decision vectors of `ocp`: the position at sample 0 and all
+        velocities, so that the dynamics hold exactly for all.
     """
 
     mission: Mission
@@ -50,30 +56,25 @@ def make_case(mission: Mission) -> Case:
     return Case(mission, task, task.ocp(round(mission.spec.planning.duration_s / task.period)))
 
 
-def start_from(case: Case, guess: str) -> FloatArray:
-    """Return the decision vector of a guess by name.
-
-    Raises
-    ------
-    UserError
-        For a name that is not in `GUESSES`.
-    """
+def start_from(case: Case, guess: Guess) -> FloatArray:
+    """Return the decision vector of a guess."""
     task = case.task
-    if guess == "rest":
-        chosen = rest_guess(task.position)
-    elif guess == "boustrophedon":
-        chosen = next(Boustrophedon().guesses(task))
-    else:
-        raise UserError(f"--guess {guess}: is none: must be one of {', '.join(GUESSES)} or all")
+    match guess:
+        case Guess.REST:
+            chosen = rest_guess(task.position)
+        case Guess.BOUSTROPHEDON:
+            chosen = next(Boustrophedon().guesses(task))
+        case _:
+            assert_never(guess)
     return case.ocp.decision_of(task.flown(chosen, case.ocp.steps))
 
 
 def asked_of_peers(case: Case) -> Requirements:
     """Return the distances that peers are asked to keep at the samples (4.18 to 4.20): least (pairs,) and range [m].
 
-    They are rho_B and rho_C with just the margins that our own plans keep, in which a path between two samples
-    finds room (a_rel T_s^2 / 8). Peers measured at the samples only, without them, gave plans that no peer's
-    user could fly; with them their J hardly suffers, and most of their plans hold along the path as well.
+    They are rho_B and rho_C with the same margins that our own plans keep for the path between two samples
+    (a_rel T_s^2 / 8). Without them peers gave plans that hold at the samples only and cannot be flown; with them
+    their J hardly suffers, and most of their plans hold along the path as well.
     """
     ocp, fleet = case.ocp, case.ocp.fleet
     required = requirements(ocp, Margins())

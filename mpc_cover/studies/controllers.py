@@ -1,10 +1,11 @@
-"""Who can be compared: a name for each controller, what it can fly, and how it is flown."""
+"""The controllers that studies compare: by name, the missions that each can fly, and how it flies them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from mpc_cover.control.controller_name import ControllerName
 from mpc_cover.control.factory import make_control_law, require_double
 from mpc_cover.distributed.setup import check_flyable
 from mpc_cover.errors import UserError
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from mpc_cover.studies.flight import Flight
 
 BACKEND = "piqp"
-"""Named in the files of controllers that solve no QP."""
+"""Default QP back-end; also given in the files of controllers that solve no QP."""
 
 
 def _itself(mission: Mission) -> Mission:
@@ -27,14 +28,14 @@ def _itself(mission: Mission) -> Mission:
 
 @dataclass(frozen=True)
 class Controller:
-    """One entry.
+    """A controller to compare.
 
     Attributes
     ----------
-    fly : takes a mission as `flyable` returns it, a back-end's name and a seed.
-    check : raises `UserError` for such a mission, or a back-end's name, with which `fly` could not begin.
-    flyable : takes a mission and returns it as this controller can fly it: without the constraints that it does not
-        know of. The flight is judged by the whole mission all the same.
+    fly : flies a mission as `flyable` returns it, with a back-end's name and a seed.
+    check : raises `UserError` for such a mission, or a back-end's name, that `fly` could not start with.
+    flyable : takes a mission and returns it as this controller can fly it: without the constraints that it ignores.
+        The flight is still judged by the whole mission.
     plans_ahead : whether horizon and back-end matter to it; if not, it flies once for all of them.
     """
 
@@ -69,12 +70,12 @@ def _check_potential(mission: Mission, backend: str) -> None:  # noqa: ARG001 - 
     check_flyable(mission)
 
 
-CONTROLLERS = {
-    "mpc": Controller(_fly_horizon, _check_horizon, plans_ahead=True),
-    "sweep": Controller(_fly_sweep, _check_sweep, flyable=without_coordination),
-    "potential": Controller(_fly_potential, _check_potential),
+CONTROLLERS: dict[str, Controller] = {
+    ControllerName.MPC: Controller(_fly_horizon, _check_horizon, plans_ahead=True),
+    ControllerName.SWEEP: Controller(_fly_sweep, _check_sweep, flyable=without_coordination),
+    ControllerName.POTENTIAL: Controller(_fly_potential, _check_potential),
 }
-"""mpc: the receding horizon. sweep: a static boustrophedon partition. potential: the thesis's distributed law."""
+"""By `ControllerName`."""
 
 
 def controller_of(name: str) -> Controller:
@@ -106,6 +107,6 @@ def run_flight(mission: Mission, controller: str, *, backend: str = BACKEND, see
 
 
 def check_flight(mission: Mission, controller: str, *, backend: str = BACKEND) -> None:
-    """Find out before the flight what would keep `run_flight` from it; arguments and errors are the same."""
+    """Check before the flight that `run_flight` can start; arguments and errors are the same."""
     entry = controller_of(controller)
     entry.check(entry.flyable(mission), backend)

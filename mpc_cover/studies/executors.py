@@ -1,4 +1,4 @@
-"""Who flies the runs: processes of this machine (joblib), or a Dask cluster that is there already."""
+"""Executors of a study's runs: processes of this machine (joblib), or an existing Dask cluster."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ _KEPT = "what is finished is kept, and the same command goes on from there"
 
 
 class Executor(Protocol):
-    """Yields records as runs are finished, in any order; entered before, left after."""
+    """A context manager that flies runs, and yields their records as they are finished, in any order."""
 
     def __enter__(self) -> Self:
-        """Get ready."""
+        """Acquire the workers."""
         ...
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Let go."""
+        """Release the workers."""
         ...
 
     def fly(self, runs: Sequence[Run], fly: Fly) -> Generator[Record]:
-        """Fly the runs by calling `fly` on each somewhere."""
+        """Fly the runs by calling `fly` on each in a worker."""
         ...
 
 
@@ -48,13 +48,13 @@ class LocalExecutor:
         self._jobs = jobs
 
     def __enter__(self) -> Self:
-        """Nothing to get ready: processes start with the first runs."""
+        """Do nothing: processes start with the first runs."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Nothing to let go: they end with the last."""
+        """Do nothing: processes end with the last run."""
 
     def fly(self, runs: Sequence[Run], fly: Fly) -> Generator[Record]:
         """Fly the runs.
@@ -82,7 +82,7 @@ class LocalExecutor:
 
 
 def _undisturbed(fly: Fly, run: Run) -> Record:
-    """Fly in a process of its own: Ctrl-C is the parent's business."""
+    """Fly in a process of its own, which leaves Ctrl-C to the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return fly(run)
 
@@ -108,15 +108,15 @@ class DaskExecutor:
         except ImportError:
             raise UserError("--dask: Dask is not installed: pip install 'mpc-cover[dask]'") from None
 
-        async def knock() -> None:  # a client that finds nobody ends noisily
+        async def probe() -> None:  # a client without a scheduler would log many errors
             await (await connect(self._address, timeout=self._timeout_s)).close()
 
         try:
-            asyncio.run(knock())
+            asyncio.run(probe())
             self._client = distributed.Client(self._address, timeout=self._timeout_s, set_as_default=False)
         except (OSError, ValueError, TimeoutError, TypeError) as error:
-            said = " ".join(str(error).split())
-            raise UserError(f"--dask {self._address}: no Dask scheduler answers there: {said}") from None
+            text = " ".join(str(error).split())
+            raise UserError(f"--dask {self._address}: no Dask scheduler answers there: {text}") from None
         return self
 
     def __exit__(
@@ -126,7 +126,7 @@ class DaskExecutor:
         self._client.close()
 
     def fly(self, runs: Sequence[Run], fly: Fly) -> Generator[Record]:
-        """Fly the runs; one that the cluster loses comes back as one that broke off.
+        """Fly the runs; one that the cluster loses is returned as one that broke off.
 
         Raises
         ------

@@ -1,7 +1,7 @@
-"""How many agents a wanted rate of measurement takes, and what rate a number of agents gives (1.1 to 1.3).
+"""The sizing model: the number of agents for a wanted rate of measurement, and the reverse (1.1 to 1.3).
 
-The model scatters the fleet anew every 2 rho / v_max: what is uncovered shrinks geometrically. It knows nothing of
-where agents go, so a law that does not look twice beats it the more, the larger a part of the area the fleet sees.
+The model scatters the fleet at random every 2 rho / v_max: the uncovered part shrinks geometrically. It ignores where
+agents go, so a law that does not look twice beats it the more, the larger a part of the area the fleet sees.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def agents_for_rate(problem: SizingProblem, rate_hz: float) -> int:
 
 @dataclass(frozen=True)
 class SizingRow:
-    """What a number of agents gives: the rate [Hz], the time of a round [s], the part seen at rest."""
+    """The result for a number of agents: the rate [Hz], the time of a round [s], the part seen at rest."""
 
     agents: int
     rate_hz: float
@@ -135,7 +135,7 @@ def sizing_table(problem: SizingProblem, numbers: Iterable[int]) -> list[SizingR
 
 @dataclass(frozen=True)
 class ModelError:
-    """How far the model is from a simulation: mean and largest |difference| of the covered part."""
+    """The model's error against a simulation: mean and largest |difference| of the covered part."""
 
     agents: int
     mean_absolute: float

@@ -1,4 +1,4 @@
-"""A flight of a study: with a controller or without one, the result is of one kind and is measured alike."""
+"""A flight of a study, with a controller or without: both give the same kind of result, to be measured alike."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.service.controller.step_log import StepKind
 from mpc_cover.service.run.simulate import simulate
 from mpc_cover.service.run.swarm_simulate import fly_swarm
 
@@ -18,23 +19,23 @@ if TYPE_CHECKING:
     from mpc_cover.trajectory_file import Recording
 
 _CONTROL_KEYS = frozenset({"state", "plan", "word"})
-"""Keys on which what control needs is sent; status, maps for people and events are not counted."""
+"""Keys of the messages that control needs; status, maps and events for users are not counted."""
 
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """What was flown, and what it took.
+    """What was flown, and its cost in time and messages.
 
     Attributes
     ----------
     trajectory : the motion, with the mission that it is judged by.
-    complete : whether whoever is in charge, or every agent, found everything covered in time.
-    step_s : (S,) what each control step took [s]: with prediction and dispatch; without a controller, each decision
-        of each agent.
+    complete : whether the controller, or without one every agent, found everything covered in time.
+    step_s : (S,) durations of the control steps [s], with prediction and publication; without a controller, of each
+        decision of each agent.
     agents_per_step : for how many agents such a step decides.
-    plan_sources : where each step's plan came from (`PlanSource`), by name; empty without a controller.
+    plan_sources : the source of each step's plan (`PlanSource`), by name; empty without a controller.
     prepare_s : planning before the start [s].
-    messages, bytes : of states, plans and words sent by everyone, each once, however many hear it.
+    messages, bytes : of states, plans and broadcasts sent by all, each once, however many receive it.
     """
 
     trajectory: Recording
@@ -48,17 +49,17 @@ class Flight:
 
 
 def fly_by_controller(mission: Mission, law: ControlLaw, backend: str, seed: int) -> Flight:
-    """Fly a mission by one controller, as `mpc-cover simulate` does; `backend` is what the law's QPs are solved by."""
+    """Fly a mission by one controller, as `mpc-cover simulate` does; `backend` solves the law's QPs."""
     traffic = _Traffic()
     flown = simulate(mission, backend=backend, seed=seed, law=law, channel=traffic)
-    steps = [step for step in flown.steps if step.kind == "step"]
+    steps = [step for step in flown.steps if step.kind is StepKind.STEP]
     return Flight(
         trajectory=flown.trajectory,
         complete=flown.complete,
         step_s=np.array([step.tick_time_s for step in steps]),
         agents_per_step=mission.fleet.size,
         plan_sources=tuple(step.plan_source for step in steps),
-        prepare_s=sum(step.tick_time_s for step in flown.steps if step.kind == "prepare"),
+        prepare_s=sum(step.tick_time_s for step in flown.steps if step.kind is StepKind.PREPARE),
         messages=traffic.count["messages"],
         bytes=traffic.count["bytes"],
     )
@@ -77,7 +78,7 @@ def fly_without_controller(mission: Mission, seed: int) -> Flight:
     return Flight(
         trajectory=flown.trajectory,
         complete=flown.complete,
-        step_s=np.array([taken for each in flown.decide_s.values() for taken in each]),
+        step_s=np.array([time_s for each in flown.decision_times_s.values() for time_s in each]),
         agents_per_step=1,
         plan_sources=(),
         prepare_s=0.0,
@@ -87,7 +88,7 @@ def fly_without_controller(mission: Mission, seed: int) -> Flight:
 
 
 class _Traffic:
-    """A channel that loses nothing and counts what control needs; see `LocalBus`."""
+    """A lossless channel that counts the messages that control needs; see `LocalBus`."""
 
     def __init__(self) -> None:
         self.count: Counter[str] = Counter()

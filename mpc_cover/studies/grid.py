@@ -1,4 +1,4 @@
-"""All the runs of a study, with everything that could go wrong before the first of them looked at."""
+"""The grid of a study: all its runs, validated before the first is flown."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, TypeVar
 
+from mpc_cover.control.controller_name import ControllerName
 from mpc_cover.errors import UserError
 from mpc_cover.mission.config import Disturbance
 from mpc_cover.mission.load import load_mission
 from mpc_cover.service.protocol.fingerprint import mission_hash
 from mpc_cover.studies.controllers import BACKEND, check_flight, controller_of
 from mpc_cover.studies.runs import Run
-from mpc_cover.studies.starts import random_starts
+from mpc_cover.studies.starts import Starts, random_starts
 from solvers.backends.registry import BACKENDS
 
 if TYPE_CHECKING:
@@ -21,24 +22,21 @@ if TYPE_CHECKING:
 
     from mpc_cover.mission.load import Mission
 
-STARTS = ("random", "mission")
-"""Where the fleet starts: drawn anew for each seed, or as the mission says."""
-
 Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
 class Grid:
-    """What to vary. A run is made for every combination.
+    """The parameters to vary. A run is made for every combination.
 
     Attributes
     ----------
-    missions : files, or names of missions that come along.
+    missions : files, or names of missions of the package.
     horizons : steps, as "24", or seconds, as "12s", rounded up to whole steps.
     periods : [s]; none for each mission's own.
     seeds : how many, from 0 on.
     backends, controllers : names.
-    starts : one of `STARTS`.
+    starts : one of `Starts`.
     """
 
     missions: Sequence[str]
@@ -46,13 +44,13 @@ class Grid:
     periods: Sequence[float] = ()
     seeds: int = 20
     backends: Sequence[str] = (BACKEND,)
-    controllers: Sequence[str] = ("mpc",)
-    starts: str = "random"
+    controllers: Sequence[str] = (ControllerName.MPC,)
+    starts: str = Starts.RANDOM
 
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """The runs in the order in which they are flown, a fingerprint of each mission by name, remarks for the user."""
+    """The runs in the order of execution, a fingerprint of each mission by name, remarks for the user."""
 
     runs: list[Run]
     fingerprints: dict[str, str]
@@ -76,7 +74,7 @@ def runs_of(grid: Grid) -> Work:
     first = [run for mission in missions for run in _runs(grid, mission)]
     for run in first:
         check_flight(run.build(), run.controller, backend=run.backend or BACKEND)
-    if grid.starts == "random":
+    if grid.starts == Starts.RANDOM:
         for mission, seed in product(missions, range(1, grid.seeds)):
             random_starts(mission, seed)
     runs = [replace(run, seed=seed) for seed in range(grid.seeds) for run in first]
@@ -84,7 +82,7 @@ def runs_of(grid: Grid) -> Work:
 
 
 def _check(grid: Grid) -> None:
-    """Refuse what no mission can mend."""
+    """Refuse options that are invalid for any mission."""
     if grid.seeds < 1:
         raise UserError(f"--seeds {grid.seeds}: must be at least 1: a study with no seeds flies nothing")
     lists = {"MISSION": grid.missions, "--horizons": grid.horizons, "--backends": grid.backends}
@@ -99,21 +97,21 @@ def _check(grid: Grid) -> None:
     for period in grid.periods:
         if not (math.isfinite(period) and period > 0.0):
             raise UserError(f"--periods {period:g}: must be a number of seconds greater than 0")
-    if grid.starts not in STARTS:
-        raise UserError(f"--starts {grid.starts}: must be one of {', '.join(STARTS)}")
+    if grid.starts not in set(Starts):
+        raise UserError(f"--starts {grid.starts}: must be one of {', '.join(Starts)}")
 
 
 def _runs(grid: Grid, mission: Mission) -> Iterator[Run]:
     """Yield a mission's runs of seed 0; those without a horizon once a period."""
-    text, name = mission.to_json(), mission.spec.name
+    text, name, starts = mission.to_json(), mission.spec.name, Starts(grid.starts)
     periods = _each(grid.periods) or [mission.spec.control.period_s]
     for controller, period in product(_each(grid.controllers), periods):
         if not controller_of(controller).plans_ahead:
-            yield Run(name, text, controller, None, None, period, 0, grid.starts)
+            yield Run(name, text, controller, None, None, period, 0, starts)
             continue
         steps = _each([steps_of(horizon, period) for horizon in grid.horizons])
         for backend, horizon in product(_each(grid.backends), steps):
-            yield Run(name, text, controller, backend, horizon, period, 0, grid.starts)
+            yield Run(name, text, controller, backend, horizon, period, 0, starts)
 
 
 def steps_of(horizon: str, period_s: float) -> int:
@@ -135,12 +133,12 @@ def steps_of(horizon: str, period_s: float) -> int:
 
 
 def _remarks(grid: Grid, missions: Sequence[Mission]) -> list[str]:
-    """Return what a user may not have meant."""
-    if grid.starts == "random" or grid.seeds == 1:
+    """Return warnings about options that the user may not have meant."""
+    if grid.starts == Starts.RANDOM or grid.seeds == 1:
         return []
     still = [mission.spec.name for mission in missions if mission.spec.disturbance == Disturbance()]
-    said = "start alike and are not disturbed: only what is random in a controller differs between their seeds"
-    return [f"{', '.join(still)}: {said}"] if still else []
+    remark = "start alike and are not disturbed: only what is random in a controller differs between their seeds"
+    return [f"{', '.join(still)}: {remark}"] if still else []
 
 
 def _each(items: Iterable[Item]) -> list[Item]:

@@ -1,4 +1,4 @@
-"""`mpc-cover study horizon`: fly what is missing, keep each run as it is finished, report on all there is."""
+"""`mpc-cover study horizon`: fly the missing runs, keep each when it is finished, and report on all of them."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ INTERRUPTED = 130
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """What a study came out with.
+    """The result of a study.
 
     Attributes
     ----------
-    wanted, finished : how many runs were asked for, and how many of them are there.
+    wanted, finished : how many runs were asked for, and how many of them are finished.
     broken : how many of them broke off; they are flown again next time.
     interrupted : whether Ctrl-C ended it.
     groups : of all runs in the folder, by mission.
-    files : what was written, the report first.
+    files : written files, the report first.
     """
 
     wanted: int
@@ -52,7 +52,7 @@ class StudyResult:
 
     @property
     def exit_status(self) -> int:
-        """0 when every run was flown; what they showed is in the report."""
+        """0 when every run was flown, whatever its result."""
         return INTERRUPTED if self.interrupted else int(self.finished < self.wanted or self.broken > 0)
 
     def to_dict(self) -> dict[str, Any]:
@@ -76,18 +76,18 @@ def run_study(
     command: str,
     fly: Fly = fly,
 ) -> StudyResult:
-    """Fly the runs that are not in `out` yet, and write tables and report of all that are.
+    """Fly the runs that are not in `out` yet, and write tables and report of all runs.
 
     Parameters
     ----------
-    executor : who flies them; entered before anything is written.
-    command : what the report says it was made by.
-    fly : flies one run; must be importable where the executor works.
+    executor : flies them; entered before anything is written.
+    command : the command line, for the report.
+    fly : flies one run; must be importable in the executor's workers.
 
     Raises
     ------
     UserError
-        Whatever would stop a run, or the results from being written; before the first run where it can be told.
+        A run cannot be flown, or the results cannot be written; before the first run where possible.
     """
     work = runs_of(grid)
     with executor as ready:
@@ -118,7 +118,7 @@ def _announce(console: Console, remarks: Sequence[str], folder: StudyFolder, wan
 
 
 def _fly(executor: Executor, runs: Sequence[Run], folder: StudyFolder, console: Console, fly: Fly) -> bool:
-    """Fly and keep; return whether Ctrl-C put an end to it."""
+    """Fly the runs and keep their records; return whether Ctrl-C interrupted it."""
     if not runs:
         return False
     try:

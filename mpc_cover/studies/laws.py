@@ -1,6 +1,7 @@
-"""`mpc-cover study laws`: the receding horizon and the potential law on equal dynamics, starts and seeds.
+"""`mpc-cover study laws`: compares receding horizon and potential law on equal dynamics, starts and seeds.
 
-The law is flown as it is meant: each agent by itself, on what it hears from those in range (`service.swarm.agent`).
+The potential law is flown distributed: each agent by itself, on what it receives from those in range
+(`service.swarm.agent`).
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from mpc_cover.control.controller_name import ControllerName
 from mpc_cover.errors import UserError
+from mpc_cover.mission.config import Dynamics
 from mpc_cover.mission.load import load_mission
 from mpc_cover.studies.controllers import BACKEND, check_flight, controller_of, run_flight
 from mpc_cover.studies.measure import measured
 from mpc_cover.studies.runs import Run
+from mpc_cover.studies.starts import Starts
 from mpc_cover.studies.thesis_study import in_parallel
 
 if TYPE_CHECKING:
@@ -31,8 +35,8 @@ if TYPE_CHECKING:
 
     from mpc_cover.mission.load import Mission
 
-LAWS = {"mpc": "receding horizon", "potential": "potential law"}
-"""Controllers of `studies.controllers`, and what tables call them."""
+LAWS = {ControllerName.MPC: "receding horizon", ControllerName.POTENTIAL: "potential law"}
+"""The controllers to compare, and their names in tables."""
 _SHARED = (
     "agents",
     "complete",
@@ -47,23 +51,23 @@ _SHARED = (
     "smallest_separation_m",
     "violations",
 )
-"""Figures that are those of `studies.record.Record`."""
+"""Figures in common with `studies.record.Record`."""
 
 
 class LawRun(msgspec.Struct, frozen=True, kw_only=True):
-    """A flight in figures; times [s] are None for never.
+    """The figures of a flight; times [s] are None for never.
 
     Attributes
     ----------
     effort_m2_per_s3 : the sum over agents of the integral of |u|^2.
-    messages, bytes : of states, plans and words sent by everyone, each once, however many hear it.
-    compute_ms : of a control step, for each agent: of the controller's step its share.
+    messages, bytes : of states, plans and broadcasts sent by all, each once, however many receive it.
+    compute_ms : of a control step per agent: of the controller's step its share.
     prepare_s : planning before the start.
     violations : checks of the independent verifier that fail.
     """
 
     mission: str
-    law: str
+    law: ControllerName
     seed: int
     agents: int
     complete: bool
@@ -90,7 +94,7 @@ class LawsOptions:
 
     missions: tuple[str, ...]
     seeds: int = 1
-    starts: str = "random"
+    starts: str = Starts.RANDOM
     backend: str = "piqp"
     jobs: int = 1
 
@@ -104,7 +108,7 @@ def fly_law(run: Run) -> LawRun:
     each_ms = 1e3 * flight.step_s / flight.agents_per_step
     return LawRun(
         mission=run.name,
-        law=run.controller,
+        law=ControllerName(run.controller),
         seed=run.seed,
         messages=flight.messages,
         bytes=flight.bytes,
@@ -123,7 +127,7 @@ def run_laws(options: LawsOptions, out: Path | None, console: Console) -> list[L
     UserError
         A mission that either law cannot fly, or a folder that cannot be written; before the first flight.
     """
-    if options.starts not in {"random", "mission"}:
+    if options.starts not in set(Starts):
         raise UserError(f"--starts {options.starts}: must be random or mission")
     missions = [load_mission(name) for name in options.missions]
     for mission, name in zip(missions, options.missions, strict=True):
@@ -139,10 +143,10 @@ def run_laws(options: LawsOptions, out: Path | None, console: Console) -> list[L
     runs: list[LawRun] = []
     for run in in_parallel(fly_law, tasks, options.jobs):
         runs.append(run)
-        said = (
+        text = (
             f"{len(runs)} of {len(tasks)}  {run.mission}, {LAWS[run.law]}, seed {run.seed}: {run.covered_percent:g} %"
         )
-        console.print(f"{said}, took {run.wall_s:.1f} s", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"{text}, took {run.wall_s:.1f} s", highlight=False, markup=False, soft_wrap=True)
     runs.sort(key=lambda run: (run.mission, run.law, run.seed))
     for flown in dict.fromkeys(run.mission for run in runs):
         console.print(table_of(flown, [run for run in runs if run.mission == flown]))
@@ -152,7 +156,7 @@ def run_laws(options: LawsOptions, out: Path | None, console: Console) -> list[L
 
 
 def table_of(mission: str, runs: Sequence[LawRun]) -> Table:
-    """Return the medians over the seeds of a mission, a column a law."""
+    """Return a table of the medians over the seeds of a mission, a column for each law."""
     from rich.table import Table as RichTable  # noqa: PLC0415 - only here
 
     table = RichTable(title=f"{mission}: medians over {len({run.seed for run in runs})} seeds", title_justify="left")
@@ -186,7 +190,7 @@ _ROWS: list[tuple[str, Callable[[Sequence[LawRun]], str]]] = [
 ]
 
 
-def _run_of(mission: Mission, law: str, seed: int, options: LawsOptions) -> Run:
+def _run_of(mission: Mission, law: ControllerName, seed: int, options: LawsOptions) -> Run:
     control, ahead = mission.spec.control, controller_of(law).plans_ahead
     return Run(
         name=mission.spec.name,
@@ -196,12 +200,12 @@ def _run_of(mission: Mission, law: str, seed: int, options: LawsOptions) -> Run:
         horizon_steps=control.horizon_steps if ahead else None,
         period_s=control.period_s,
         seed=seed,
-        starts=options.starts,
+        starts=Starts(options.starts),
     )
 
 
 def _check(mission: Mission, name: str, backend: str) -> None:
-    if mission.spec.fleet.dynamics == "single":
+    if mission.spec.fleet.dynamics is Dynamics.SINGLE:
         raise UserError(f"mission {name}: fleet.dynamics single: the laws are compared on double integrators")
     for law in LAWS:
         check_flight(mission, law, backend=backend)

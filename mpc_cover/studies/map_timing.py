@@ -1,4 +1,4 @@
-"""How long a step of the information maps takes: `mpc-cover bench maps`.
+"""`mpc-cover bench maps`: durations of a step of the information maps.
 
 The target of 5 ms is for 10^5 cells and 50 agents. Two densities: discs of about 30 cells, and of about 3000.
 """
@@ -41,18 +41,18 @@ def time_maps(
     """
     edge = ROWS * cell_size_m
     field = build_field(Area(shape=BoxShape(kind="box", min_m=(0.0, 0.0), max_m=(edge, edge)), cell_size_m=cell_size_m))
-    seeing = Visibility(field, np.full((AGENTS, 1), radius_m))
+    visibility = Visibility(field, np.full((AGENTS, 1), radius_m))
     rng = np.random.default_rng(seed)
     path = rng.uniform(0.0, edge, (steps, AGENTS, 2))
     truth = bumpy_field(field.cell, rng)[None]
-    reading = NoisySensing(seeing, truth, 1.0, rng)
-    paced = PacedSensing(seeing, AGENTS, 0.5)
+    noisy = NoisySensing(visibility, truth, 1.0, rng)
+    paced = PacedSensing(visibility, AGENTS, 0.5)
     maps: dict[str, InformationMap] = {
-        "plain": k_coverage(seeing, 1),
-        "K = 15": k_coverage(seeing, 15),
+        "plain": k_coverage(visibility, 1),
+        "K = 15": k_coverage(visibility, 15),
         "K = 15, in flight": FlightMap(k_coverage(paced, 15), paced, paced, graded=False),
-        "Kalman": KalmanMap(seeing, variance=1.0, noise=1.0, enough=0.0625),
-        "Kalman, drawing its readings": KalmanMap(reading, variance=1.0, noise=1.0, enough=0.0625),
+        "Kalman": KalmanMap(visibility, variance=1.0, noise=1.0, enough=0.0625),
+        "Kalman, drawing its readings": KalmanMap(noisy, variance=1.0, noise=1.0, enough=0.0625),
     }
     clock = time.thread_time if cpu_time else time.perf_counter
     return {name: _time(information, path, clock) for name, information in maps.items()}

@@ -1,4 +1,4 @@
-"""One run of a study: fly it, verify it, measure it. Everyone is measured here, in the same way."""
+"""Flies, verifies and measures one run of a study; all controllers are measured in the same way."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpc_cover.control.control_law import PlanSource
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.studies.controllers import BACKEND, run_flight
 from mpc_cover.studies.record import LEVELS, Record, versions
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def fly(run: Run) -> Record:
-    """Fly a run and return its record; whatever goes wrong is in `error`, so that no study ends by one run."""
+    """Fly a run and return its record; an exception is kept in `error`, so that it does not end the study."""
     begun = time.perf_counter()
     try:
         found = measured(run_flight(run.build(), run.controller, backend=run.backend or BACKEND, seed=run.seed))
@@ -36,8 +37,8 @@ def fly(run: Run) -> Record:
 
 def failed(run: Run, error: BaseException, wall_s: float = 0.0) -> Record:
     """Return the record of a run that could not be flown to its end."""
-    said = " ".join(f"{type(error).__name__}: {error}".split())
-    return Record(**_parameters(run), versions=versions(), wall_s=wall_s, error=said)
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return Record(**_parameters(run), versions=versions(), wall_s=wall_s, error=text)
 
 
 def measured(flight: Flight) -> dict[str, Any]:
@@ -93,13 +94,13 @@ def cost_left(trajectory: Recording) -> float:
 
 
 def _steps(flight: Flight, period_s: float) -> dict[str, Any]:
-    """Return how long the steps took, and how many stood on a lower rung."""
+    """Return the durations of the steps, and how many fell back to a shifted plan or to braking."""
     taken = 1e3 * flight.step_s
     found: dict[str, Any] = {
         "steps": len(taken),
         "misses": int((taken > 1e3 * period_s).sum()),
-        "shifted": flight.plan_sources.count("SHIFTED"),
-        "braked": flight.plan_sources.count("BRAKE"),
+        "shifted": flight.plan_sources.count(PlanSource.SHIFTED.name),
+        "braked": flight.plan_sources.count(PlanSource.BRAKE.name),
         "prepare_s": flight.prepare_s,
         "step_ms": tuple(round(float(ms), 3) for ms in taken),
     }
@@ -119,5 +120,5 @@ def _parameters(run: Run) -> dict[str, Any]:
         "horizon_s": run.horizon_s,
         "period_s": run.period_s,
         "seed": run.seed,
-        "starts": run.starts,
+        "starts": str(run.starts),
     }

@@ -1,4 +1,4 @@
-"""The report as one HTML file that needs nothing else: tables, figures within it, how it was made."""
+"""The report as one self-contained HTML file: tables, figures, and how it was made."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _figures(pictures: Mapping[str, bytes]) -> Iterator[str]:
 
 
 def _origin(groups: Mapping[str, Sequence[Group]], commands: Sequence[str]) -> Iterator[str]:
-    """Yield how it was made: commands, versions of all runs, and the machine that wrote the report."""
+    """Yield the provenance: commands, versions of all runs, and the machine that wrote the report."""
     yield "<h2>How it was made</h2>"
     yield f"<pre>{escape(chr(10).join(commands))}</pre>"
     records = [record for some in groups.values() for group in some for record in group.records]
@@ -92,7 +92,7 @@ def _origin(groups: Mapping[str, Sequence[Group]], commands: Sequence[str]) -> I
 
 
 def machine() -> str:
-    """Return what this runs on."""
+    """Return a description of this machine."""
     return f"Python {platform.python_version()}, {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
 
 

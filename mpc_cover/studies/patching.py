@@ -1,4 +1,4 @@
-"""Looking into code from outside: a module's name stands for something else for a while."""
+"""Temporary replacement of a module's attribute, to instrument code from outside."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 
 @contextmanager
 def patched(owner: object, name: str, value: object) -> Iterator[None]:
-    """Put `value` in the place of `owner.name`, and back again whatever happens.
+    """Replace `owner.name` by `value` within the context.
 
     Raises
     ------
     AttributeError
-        There is no such name: what was to be looked at has moved.
+        There is no such name: the code to be instrumented has moved.
     """
     before = getattr(owner, name)
     setattr(owner, name, value)

@@ -1,4 +1,4 @@
-"""Planning mission files one after another: `mpc-cover plan`."""
+"""`mpc-cover plan`: plans mission files one after another."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def plan_files(
     Raises
     ------
     UserError
-        A folder without missions, or a file that cannot be written; before the work where that can be told.
+        A folder without missions, or a file that cannot be written; before the work where possible.
     """
     if not folder:
         file = out or Path("plan.npz")

@@ -1,4 +1,4 @@
-"""What a person sees while a study flies: a bar on a terminal, a line now and then elsewhere."""
+"""Progress display of a study: a bar on a terminal, periodic lines elsewhere."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PLAIN_EVERY_S = 5.0
 
 
 class StudyProgress:
-    """Counts finished runs; runs that break off are told at once."""
+    """Counts finished runs; runs that break off are reported at once."""
 
     def __init__(self, console: Console, total: int) -> None:
         self._console = console
@@ -41,14 +41,14 @@ class StudyProgress:
         self._task = self._bar.add_task("starts", total=total)
 
     def __enter__(self) -> Self:
-        """Begin to show."""
+        """Start the display."""
         self._bar.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Leave the bar, or the last line, behind."""
+        """End the display, with the bar or the last line left on the terminal."""
         self._bar.stop()
         if self._last:
             self._say(self._last)
@@ -69,7 +69,7 @@ class StudyProgress:
             self._last = ""
 
     def _left_s(self) -> float:
-        """Return about how long the rest takes, at the pace so far [s]."""
+        """Return an estimate of the remaining time, at the pace so far [s]."""
         return (time.monotonic() - self._begun) / self._done * (self._total - self._done)
 
     def _say(self, text: str) -> None:

@@ -1,7 +1,7 @@
-"""One peer at a time, each in a process of its own: whatever it does, the benchmark goes on.
+"""Runs one peer at a time, each in a process of its own: its failure does not stop the benchmark.
 
-A process gives every peer the same fresh start, lets one that hangs within native code be stopped, and turns
-a crash into a row of the table.
+A process gives every peer the same fresh start, can be stopped if it hangs in native code, and turns a crash into a
+row of the table.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from mpc_cover.studies.verdict import Verdict
 
 START_S = 30.0
-"""What a process may take to start and a peer to set up, on top of the time limit."""
+"""Time for a process to start and a peer to set up, on top of the time limit [s]."""
 GRACE_S = 5.0
-"""What a peer may be silent for after its time is up; then it is stopped."""
+"""Time for which a peer may be silent after its time is up; then it is stopped [s]."""
 
 PATIENCE = 10.0
-"""How much longer than on the processor something may take by the wall, on a machine with other work."""
+"""Largest ratio of wall time to processor time, on a machine with other work."""
 END_S = 0.5
-"""What a process may take to end by itself, so that its exit status is its own."""
+"""Time for a process to end by itself, so that its exit status is its own [s]."""
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Libraries of dense algebra read these once, when they are loaded."""
@@ -51,14 +51,14 @@ class Failure:
 
 @dataclass(eq=False)
 class Run:
-    """What became of one peer.
+    """The run of one peer.
 
     Attributes
     ----------
     name : the peer's.
     setup_s : until it began to solve.
     time_s : of solving, by its own stop-watch; until the last iterate where it gave no answer.
-    seen : when each iterate was there [s], and what it was worth.
+    seen : the time of each iterate [s], and the verdict on it.
     best : the iterate that counts: of those that hold at the samples the one with the least J, or the least violated.
     flyable : of those that hold along the continuous path, the one with the least J.
     iterations : in the peer's counting.
@@ -77,7 +77,7 @@ class Run:
     answered: bool = False
 
     def take(self, message: object) -> None:
-        """Take in what the peer's process says."""
+        """Take in a message of the peer's process."""
         if isinstance(message, Sighting):
             self._see(message)
         elif isinstance(message, Answer):
@@ -99,7 +99,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Limit:
-    """What a peer may take to solve [s], by the wall or, on a machine with other work, of processor time."""
+    """The time limit for a peer to solve [s], of wall time or, on a machine with other work, of processor time."""
 
     seconds: float
     cpu_time: bool = False
@@ -110,15 +110,17 @@ class Limit:
         return time.process_time if self.cpu_time else time.perf_counter
 
     def wall_s(self, spent_s: float) -> float:
-        """Return what may pass by the wall until it is reached, once so much is spent."""
+        """Return the wall time that may pass until it is reached, once so much is spent [s]."""
         left = max(0.0, self.seconds - spent_s)
         return PATIENCE * left if self.cpu_time else left
 
 
-def race(name: str, mission: Mission, x: FloatArray, limit: Limit, told: Callable[[Run], None] = lambda _: None) -> Run:
+def race(
+    name: str, mission: Mission, x: FloatArray, limit: Limit, on_progress: Callable[[Run], None] = lambda _: None
+) -> Run:
     """Let a peer solve a mission's case from the decision vector `x`; never raises on account of the peer.
 
-    `told` is called as iterates come in.
+    `on_progress` is called as iterates come in.
     """
     run = Run(name)
     with tempfile.TemporaryDirectory() as folder:
@@ -131,18 +133,18 @@ def race(name: str, mission: Mission, x: FloatArray, limit: Limit, told: Callabl
             process.start()
         sending.close()
         try:
-            _listen(run, receiving, limit, told)
+            _receive(run, receiving, limit, on_progress)
         finally:
             process.join(END_S)
             process.kill()
             process.join()
             receiving.close()
         if not run.status:
-            run.status = f"died (exit status {process.exitcode}){_last_words(log)}"
+            run.status = f"died (exit status {process.exitcode}){_last_line(log)}"
     return run
 
 
-def _listen(run: Run, receiving: Connection, limit: Limit, told: Callable[[Run], None]) -> None:
+def _receive(run: Run, receiving: Connection, limit: Limit, on_progress: Callable[[Run], None]) -> None:
     """Take in messages until the peer has answered, died, or been silent for too long."""
     patience = time.monotonic() + limit.wall_s(0.0) + START_S
     while not (run.answered or run.status):
@@ -155,11 +157,11 @@ def _listen(run: Run, receiving: Connection, limit: Limit, told: Callable[[Run],
             return
         run.take(message)
         patience = time.monotonic() + limit.wall_s(run.time_s) + GRACE_S
-        told(run)
+        on_progress(run)
 
 
 def compete(connection: Connection, name: str, mission: str, x: FloatArray, limit: Limit, log: str) -> None:
-    """Be the process of one peer; native chatter goes to the file `log`."""
+    """Run one peer in this process; the output of native code goes to the file `log`."""
     target = os.open(log, os.O_WRONLY | os.O_CREAT, 0o600)
     os.dup2(target, 1)
     os.dup2(target, 2)
@@ -170,7 +172,7 @@ def compete(connection: Connection, name: str, mission: str, x: FloatArray, limi
 def solved(
     name: str, mission: str, x: FloatArray, limit: Limit, tell: Callable[[float | Sighting], None]
 ) -> Answer | Failure:
-    """Let a peer solve, whatever becomes of it."""
+    """Let a peer solve; return its answer, or why it failed."""
     try:
         peer = PEERS[name].load()
         case = make_case(mission_from_json(mission, "the benchmark's mission"))
@@ -188,8 +190,8 @@ def solved(
 def _one_thread() -> Iterator[None]:
     """Let dense algebra use one thread in processes started now.
 
-    The matrices here are small. With a thread a core, SLSQP and IPOPT with its exact Hessian took two to ten times
-    as long as soon as anything else ran on the machine, and ours half as long again.
+    The matrices here are small. With a thread per core, SLSQP and IPOPT with its exact Hessian took two to ten times
+    as long as soon as anything else ran on the machine, and ours one and a half times as long.
     """
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
@@ -208,10 +210,10 @@ def _rank(sighting: Sighting) -> tuple[bool, float, bool]:
     return (not verdict.holds_sampled, verdict.cost if verdict.holds_sampled else verdict.sampled, not verdict.holds)
 
 
-def _last_words(log: Path) -> str:
+def _last_line(log: Path) -> str:
     try:
         lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
     except OSError:
         return ""
-    said = [line.strip() for line in lines if line.strip()]
-    return f": {said[-1][:120]}" if said else ""
+    written = [line.strip() for line in lines if line.strip()]
+    return f": {written[-1][:120]}" if written else ""

@@ -1,4 +1,4 @@
-"""What a study keeps of a run: a tidy row, and the two series that its figures are drawn from."""
+"""The record of a study's run: a tidy row, and the two series that figures are drawn from."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import msgspec
 from mpc_cover.version import __version__
 
 LEVELS = tuple(0.5 * step for step in range(201))
-"""Parts of the cells [%] of which a record says when they were covered."""
+"""Parts of the cells [%] for which a record has the times at which they were covered."""
 _PACKAGES = ("numpy", "scipy", "piqp", "osqp", "clarabel")
 
 
@@ -21,18 +21,18 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     ----------
     key, mission, controller, backend, horizon_steps, period_s, seed, starts : the run's parameters, see `Run`.
     complete : whether the controller, or every agent without one, found everything covered and came to rest, in time.
-    covered_percent, time_to_90_s, ... : from where the agents flew, rounded down; see `RunSummary`.
+    covered_percent, time_to_90_s, ... : by the motion flown, rounded down; see `RunSummary`.
     swath_bound_s, ratio_99 : T_b, and time_to_99_s over it.
     cost_left_m : J (4.34) of the motion flown, 0 when all is covered.
     effort_m2_per_s3 : the sum over agents of the integral of |u|^2.
     separation_margin_m : smallest distance along the continuous path less rho_B.
     violations, violated : how many of the independent verifier's checks fail, and which, by how much.
-    step_p50_ms, ... : of the control steps, with prediction and dispatch; of agents without a controller, of each
-        decision of each. The planning before the start is apart.
+    step_p50_ms, ... : of the control steps, with prediction and publication; of agents without a controller, of each
+        decision of each. The planning before the start is not included.
     misses : steps longer than the period.
     shifted, braked : steps whose plan was the previous one shifted, or the brake.
-    wall_s : what the whole run took, verification included.
-    error : what ended the run before its time; such a run counts as not complete, and is flown again.
+    wall_s : duration of the whole run, with verification.
+    error : the exception that ended the run; such a run counts as not complete, and is flown again.
     curve_s : (201,) when each of `LEVELS` was reached.
     step_ms : of each control step.
     """

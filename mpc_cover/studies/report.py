@@ -1,4 +1,4 @@
-"""The report of a study: figures, and one HTML file with all of it."""
+"""The report of a study: figures, and one HTML file."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def write_report(groups: Mapping[str, Sequence[Group]], folder: StudyFolder) -> 
 
 
 def series_of(groups: Sequence[Group]) -> list[Series]:
-    """Return what a mission's figures are drawn from."""
+    """Return the data of a mission's figures."""
     from mpc_cover.view.study import Series  # noqa: PLC0415 - a second of matplotlib
 
     levels = np.array(LEVELS)

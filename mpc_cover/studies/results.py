@@ -1,4 +1,4 @@
-"""The folder of a study: a file a run, from which the tables and the report are made anew each time."""
+"""The folder of a study: one file per run, from which tables and report are generated."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 MARKER = "study.json"
-"""A folder with this file is a study of ours."""
+"""A folder with this file is a study's folder."""
 FORMAT = 1
 """Of the marker and the records."""
 
 
 class StudyFolder:
-    """Where a study's results go; may hold runs of an earlier study of the same missions by the same version.
+    """The results of a study; may hold runs of an earlier study of the same missions by the same version.
 
     Parameters
     ----------
     path : the folder; nothing is written before `open`.
     missions : a fingerprint of each mission by name.
-    command : what is being run; `commands` are all that made what is here, each once.
+    command : the command being run; `commands` are all that produced the results, each once.
 
     Raises
     ------
     UserError
-        It holds something else, or results that cannot stand in one table with these.
+        It holds other files, or results that cannot be compared with these.
     """
 
     def __init__(self, path: Path, missions: Mapping[str, str], command: str) -> None:
@@ -62,7 +62,7 @@ class StudyFolder:
 
     @property
     def finished(self) -> set[str]:
-        """The keys of the runs that need not be flown again; one that broke off does."""
+        """The keys of the runs that need not be flown again, without those that broke off."""
         return {key for key, record in self._records.items() if not record.error}
 
     def open(self) -> None:
@@ -80,12 +80,12 @@ class StudyFolder:
         self.write(self.path / MARKER, (json.dumps(self._marker, indent=2) + "\n").encode())
 
     def keep(self, record: Record) -> None:
-        """Write a finished run; its file appears whole or not at all."""
+        """Write a finished run, atomically."""
         self._records[record.key] = record
         self.write(self._runs / f"{record.key}.json", msgspec.json.encode(record))
 
     def write_tables(self) -> list[Path]:
-        """Write runs.parquet and runs.csv, a row a run; return the files."""
+        """Write runs.parquet and runs.csv, one row per run; return the files."""
         import pyarrow as pa  # noqa: PLC0415 - half a second
         from pyarrow import csv, parquet  # noqa: PLC0415 - likewise
 
@@ -98,7 +98,7 @@ class StudyFolder:
         return files
 
     def write(self, file: Path, content: bytes) -> Path:
-        """Write a file that appears whole or not at all; return it.
+        """Write a file atomically; return it.
 
         Raises
         ------
@@ -116,7 +116,7 @@ class StudyFolder:
         return file
 
     def _read_marker(self) -> dict[str, Any]:
-        """Return what the marker says; empty for a new folder."""
+        """Return the content of the marker; empty for a new folder."""
         try:
             if not self.path.exists() or (self.path.is_dir() and not any(self.path.iterdir())):
                 return {}
@@ -124,8 +124,8 @@ class StudyFolder:
         except FileNotFoundError:
             raise UserError(f"--out {self.path}: is not empty and not a study of mpc-cover: give another") from None
         except (OSError, ValueError) as error:  # a ValueError for a name with a NUL
-            said = getattr(error, "strerror", None) or error
-            raise UserError(f"--out {self.path}: cannot be read: {said}") from None
+            reason = getattr(error, "strerror", None) or error
+            raise UserError(f"--out {self.path}: cannot be read: {reason}") from None
         try:
             marker = json.loads(text)
         except ValueError:
@@ -155,7 +155,7 @@ class StudyFolder:
 
 
 def table_of(records: Iterable[Record]) -> pa.Table:
-    """Return the records as an Arrow table, a row a run."""
+    """Return the records as an Arrow table, one row per run."""
     import pyarrow as pa  # noqa: PLC0415 - half a second
 
     types = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}

@@ -1,4 +1,4 @@
-"""What a study flies: each run as plain data that any worker can read, and the mission it stands for."""
+"""The runs of a study: each as plain data that any worker can read, and the mission that it flies."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from mpc_cover.mission.load import build_mission, mission_from_json
-from mpc_cover.studies.starts import random_starts
+from mpc_cover.studies.starts import Starts, random_starts
 
 if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Run:
-    """One flight of a study; everything that decides its result.
+    """One flight of a study: everything that determines its result.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Run:
     backend, horizon_steps : None for controllers that have neither.
     period_s : T_s.
     seed : of the disturbances, of what is random in the controller, and of random starts.
-    starts : "mission" or "random".
+    starts : where the fleet starts.
     """
 
     name: str
@@ -37,11 +37,11 @@ class Run:
     horizon_steps: int | None
     period_s: float
     seed: int
-    starts: str
+    starts: Starts
 
     @property
     def key(self) -> str:
-        """What the run's file is called: the same for the same parameters, whatever the machine."""
+        """Name of the run's file: the same for the same parameters on any machine."""
         return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:32]
 
     @property
@@ -60,12 +60,12 @@ class Run:
         """Return the mission with this run's period, horizon and starts.
 
         A controller without a horizon gets as many steps as the mission's own horizon lasts. With random starts
-        the section `planning`, of no account in a closed loop, is dropped: its ends may ask for given starts.
+        the section `planning`, which a closed loop does not use, is dropped: its ends may require given starts.
 
         Raises
         ------
         InvalidInputError
-            Such a mission is not possible, as with a horizon shorter than it takes to brake.
+            The mission is invalid, as with a horizon shorter than it takes to brake.
         UserError
             No random starts were found.
         """
@@ -74,7 +74,7 @@ class Run:
         lasts = control["horizon_steps"] * control["period_s"]
         control["horizon_steps"] = self.horizon_steps or math.ceil(lasts / self.period_s - 1e-9)
         control["period_s"] = self.period_s
-        if self.starts == "random":
+        if self.starts == Starts.RANDOM:
             raw.pop("planning", None)
             self._draw_starts(raw)
         return build_mission(raw, self._what(control["horizon_steps"]))

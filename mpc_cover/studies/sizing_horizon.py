@@ -1,4 +1,4 @@
-"""Figure 1.1 with the receding horizon in the place of the potential law."""
+"""Figure 1.1 with the receding horizon instead of the potential law."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.control.controller_name import ControllerName
 from mpc_cover.mission.load import build_mission
 from mpc_cover.studies.controllers import run_flight
 from mpc_cover.studies.fleet_sizing import SizingProblem, measurement_rate
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 
 _PERIOD_S = 0.5
 _CELLS_A_RADIUS = 2
-_LONGER = 4.0
-"""A flight may last so many of the model's rounds."""
+_TIME_LIMIT_ROUNDS = 4.0
+"""Time limit of a flight, in the model's rounds."""
 
 
 def sizing_mission(problem: SizingProblem, agents: int, seed: int) -> Mission:
@@ -45,7 +46,7 @@ def sizing_mission(problem: SizingProblem, agents: int, seed: int) -> Mission:
         },
         "control": {
             "period_s": _PERIOD_S,
-            "time_limit_s": max(30.0, _LONGER / measurement_rate(problem, agents)),
+            "time_limit_s": max(30.0, _TIME_LIMIT_ROUNDS / measurement_rate(problem, agents)),
         },
     }
     return build_mission(raw, "fleet sizing")
@@ -54,5 +55,6 @@ def sizing_mission(problem: SizingProblem, agents: int, seed: int) -> Mission:
 def horizon_curve(problem: SizingProblem, agents: int, seeds: range, duration_s: float) -> CoverageCurve:
     """Fly N agents by the receding horizon once for each seed and compare with the model over `duration_s` [s]."""
     time = np.arange(0.0, duration_s + _PERIOD_S, _PERIOD_S)
-    flights = [run_flight(sizing_mission(problem, agents, seed), "mpc", seed=seed) for seed in seeds]
+    missions = {seed: sizing_mission(problem, agents, seed) for seed in seeds}
+    flights = [run_flight(mission, ControllerName.MPC, seed=seed) for seed, mission in missions.items()]
     return curve_of(problem, agents, time, [flight.trajectory.covered_at for flight in flights])

@@ -74,7 +74,7 @@ def scenario_of(problem: SizingProblem, agents: int) -> Scenario:
 def coverage_curve(problem: SizingProblem, agents: int, seeds: range, duration_s: float | None = None) -> CoverageCurve:
     """Simulate N agents once for each seed and compare with the model.
 
-    `duration_s` is how long both are looked at; by default until the model covers the wanted part.
+    `duration_s` is the duration of both; by default until the model covers the wanted part.
     """
     longest = duration_s if duration_s is not None else 1.0 / measurement_rate(problem, agents)
     time = np.arange(0.0, longest + _PERIOD_S, _PERIOD_S)

@@ -33,7 +33,7 @@ _OPTIONS = {"area_m2": "--area", "radius_m": "--radius", "speed_m_per_s": "--spe
 
 @dataclass(frozen=True)
 class SizingOptions:
-    """See `mpc-cover size --help`; a rate is in Hz, `numbers` are those simulated and tabulated."""
+    """See `mpc-cover size --help`; a rate is in Hz, `numbers` of agents are simulated and tabulated."""
 
     rate_hz: float | None = None
     numbers: tuple[int, ...] = (5, 10, 15)
@@ -44,12 +44,12 @@ class SizingOptions:
 
 @dataclass(frozen=True, eq=False)
 class SizingAnswer:
-    """What was asked, and what came of it.
+    """The problem and its answer.
 
     Attributes
     ----------
-    agents_needed : for the rate that is wanted; None when none is.
-    table : a row for each number, by the model.
+    agents_needed : for the wanted rate; None when none is given.
+    table : a row for each number of agents, by the model.
     potential, horizon : simulations by the potential law and by the receding horizon; empty when not asked for.
     """
 
@@ -73,7 +73,7 @@ class SizingAnswer:
 
     @property
     def text(self) -> str:
-        """The answer for a person."""
+        """The answer as a text for users."""
         lines = []
         if self.rate_hz is not None and self.agents_needed is not None:
             lines.append(f"{self.rate_hz:g} Hz takes {self.agents_needed} agents by the model (1.3)")
@@ -93,13 +93,13 @@ class SizingAnswer:
         return "\n".join(lines)
 
 
-def size(problem: SizingProblem, options: SizingOptions, told: Callable[[str], None]) -> SizingAnswer:
-    """Answer by the model, and simulate as far as that is asked for.
+def size(problem: SizingProblem, options: SizingOptions, on_progress: Callable[[str], None]) -> SizingAnswer:
+    """Answer by the model, and by simulations where asked for.
 
     Raises
     ------
     UserError
-        Numbers that make no sense, or that would take too long to simulate.
+        Invalid numbers, or simulations that would take too long.
     """
     _check(problem, options)
     needed = None if options.rate_hz is None else agents_for_rate(problem, options.rate_hz)
@@ -108,13 +108,13 @@ def size(problem: SizingProblem, options: SizingOptions, told: Callable[[str], N
     potential, horizon = [], []
     for number in options.numbers:
         if options.seeds:
-            told(f"N = {number}: flies the potential law from {options.seeds} random starts")
+            on_progress(f"N = {number}: flies the potential law from {options.seeds} random starts")
             seeds = range(options.seed, options.seed + options.seeds)
             potential.append(coverage_curve(problem, number, seeds, duration))
         if options.horizon_seeds:
             from mpc_cover.studies.sizing_horizon import horizon_curve  # noqa: PLC0415 - heavy, and seldom asked for
 
-            told(f"N = {number}: flies the receding horizon from {options.horizon_seeds} random starts")
+            on_progress(f"N = {number}: flies the receding horizon from {options.horizon_seeds} random starts")
             seeds = range(options.seed, options.seed + options.horizon_seeds)
             horizon.append(horizon_curve(problem, number, seeds, duration))
     return SizingAnswer(problem, options.rate_hz, needed, sizing_table(problem, numbers), potential, horizon)
@@ -170,7 +170,7 @@ def sizing_problem(area_m2: float, radius_m: float, speed_m_per_s: float, cover:
     Raises
     ------
     InvalidInputError
-        Numbers that make no sense, by the names of the options.
+        Invalid numbers, by the names of the options.
     """
     try:
         return SizingProblem(area_m2, radius_m, speed_m_per_s, cover)
@@ -226,7 +226,7 @@ def parse_numbers(text: str) -> tuple[int, ...]:
     Raises
     ------
     UserError
-        It is none.
+        It is no list of whole numbers.
     """
     parts: Sequence[str] = [part.strip() for part in text.split(",") if part.strip()]
     try:

@@ -1,8 +1,9 @@
-"""Random starts of a fleet: apart, connected, and the same for a seed whatever flies them."""
+"""Random starts of a fleet: separated, connected, and the same for a seed whatever the controller."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,18 +22,27 @@ _PROPOSALS = 200
 """Places proposed for an agent before all are drawn anew."""
 _ATTEMPTS = 50
 _ROOM = 0.02
-"""Part of the gap between rho_B and rho_C that starts keep from either: no fleet starts on the brink."""
+"""Part of the gap between rho_B and rho_C that starts keep from either."""
+
+
+class Starts(StrEnum):
+    """Where a fleet starts."""
+
+    RANDOM = "random"
+    """Drawn for each seed."""
+    MISSION = "mission"
+    """As the mission says."""
 
 
 def random_starts(mission: Mission, seed: int) -> FloatArray:
     """Return (m, d) starts [m] in the motion box, at least rho_B apart, connected within rho_C, links included.
 
-    Where the mission is disturbed, they are so by what agents may stray from their plans (`model.tube`).
+    Where the mission is disturbed, these bounds are tightened by the tube around plans (`model.tube`).
 
     Rejection sampling, agent by agent: the first is uniform in the box; each other one is uniform in the part
     of the box within rho_C of an agent drawn from those placed (a cube about it), and is proposed again until it
-    is far enough from all who are placed and near enough to one of them. Whoever finds no place makes everyone
-    start anew.
+    is far enough from all agents placed and near enough to one of them. If an agent finds no place, all are drawn
+    anew.
 
     Raises
     ------
@@ -56,7 +66,7 @@ def random_starts(mission: Mission, seed: int) -> FloatArray:
 
 
 def _with_room(mission: Mission) -> Fleet:
-    """Return the fleet with bounds on places that leave room to stray, whatever its own starts."""
+    """Return the fleet with its bounds tightened by the tube, whatever its own starts."""
     fleet, radius = mission.fleet, tube_of(mission).position_m
     return replace(
         fleet,
@@ -68,7 +78,7 @@ def _with_room(mission: Mission) -> Fleet:
 
 
 def _find_place(fleet: Fleet, placed: FloatArray, rng: np.random.Generator) -> FloatArray | None:
-    """Return a place (d,) for the next agent, or None if none of the proposals will do."""
+    """Return a place (d,) for the next agent, or None if no proposal is valid."""
     agent = len(placed)
     linked = [min(pair) for pair in fleet.links if max(pair) == agent]
     near = linked or list(range(agent))

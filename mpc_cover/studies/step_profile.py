@@ -1,7 +1,7 @@
-"""`mpc-cover bench step`: where the milliseconds of a control step go, over a flight in closed loop.
+"""`mpc-cover bench step`: profiles the control steps of a flight in closed loop.
 
 The functions of interest are timed from outside, for the duration of the flight: there is no timing code in the
-planner. Times are exclusive: what a timed function spends in another timed function counts there.
+planner. Times are exclusive: time that a timed function spends in another timed function counts there.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ PLACES = {
         "control.demand_allocation:DemandAllocation.left",
     ),
 }
-"""What is timed under which name: "module:attribute", modules within mpc_cover unless they are the solvers'."""
+"""The timed functions by the names of parts: "module:attribute", modules within mpc_cover unless of the solvers."""
 
 _LONGEST = 2000
-"""Steps after which a flight that does not finish has shown enough."""
+"""Largest number of steps, for a flight that does not finish."""
 
 
 class Stopwatch:
@@ -58,7 +58,7 @@ class Stopwatch:
         self._inner: list[float] = []
 
     def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return `function`, its time on the account `name`."""
+        """Return `function`, timed under `name`."""
 
         def wrapper(*arguments: Any, **options: Any) -> Any:
             begun = self._clock()
@@ -74,17 +74,17 @@ class Stopwatch:
         return wrapper
 
     def reset(self) -> dict[str, float]:
-        """Return the accounts, and open new ones."""
+        """Return the times by name, and reset them."""
         spent, self.spent = dict(self.spent), defaultdict(float)
         return spent
 
 
 def profile_steps(
-    mission: Mission, backend: str, told: Callable[[float], None] = lambda _: None
+    mission: Mission, backend: str, on_progress: Callable[[float], None] = lambda _: None
 ) -> dict[str, tuple[float, float, float]]:
     """Fly a mission and return for each part of a step (median [ms], 99th percentile [ms], share of all time).
 
-    "step" is the whole step, "the rest" what no part accounts for. `told` hears the covered part, 0 to 1.
+    "step" is the whole step, "the rest" is in no part. `on_progress` is called with the covered part, 0 to 1.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def profile_steps(
                 owner, attribute = _owner(place)
                 function = getattr(owner, attribute)
                 stack.enter_context(patched(owner, attribute, watch.timed(name, function)))
-        steps = _fly(mission, law, watch, told)
+        steps = _fly(mission, law, watch, on_progress)
     parts = {name: np.array([step.get(name, 0.0) for step in steps]) for name in [*PLACES, "the rest", "step"]}
     whole = max(float(parts["step"].sum()), 1e-12)
     return {
@@ -108,9 +108,9 @@ def profile_steps(
 
 
 def _fly(
-    mission: Mission, law: RecedingHorizon, watch: Stopwatch, told: Callable[[float], None]
+    mission: Mission, law: RecedingHorizon, watch: Stopwatch, on_progress: Callable[[float], None]
 ) -> list[dict[str, float]]:
-    """Fly what the controller plans, exactly, until everything is covered; return the accounts of each step."""
+    """Fly the plans exactly, until everything is covered; return the times by name of each step [s]."""
     period, state_period = mission.spec.control.period_s, mission.spec.control.state_period_s
     control, coverage = mission.spec.control, make_map(mission)
     still = np.zeros_like(mission.fleet.start)
@@ -122,7 +122,7 @@ def _fly(
         now, then = k * period, (k + 1) * period
         for instant in np.append(np.arange(now + state_period, then - 1e-9, state_period), then):
             coverage.observe(float(instant), plan.at(float(instant))[0])
-        told(coverage.fraction)
+        on_progress(coverage.fraction)
         if coverage.complete and steps:
             break
         law.published(plan)

@@ -34,7 +34,7 @@ separation less rho_B, violations in how many runs, 99th percentile of all step 
 
 
 def print_groups(groups: Mapping[str, Sequence[Group]], console: Console) -> None:
-    """Print a table a mission."""
+    """Print a table for each mission."""
     for mission, some in groups.items():
         table = Table(
             title=title_of(mission, some), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False
@@ -58,7 +58,7 @@ def bound_of(group: Group) -> float | None:
 
 
 def row_of(group: Group) -> list[tuple[str, bool]]:
-    """Return a group's row of the table: for each of `HEADERS` a text, and whether it tells of what should not be."""
+    """Return a group's row of the table: for each of `HEADERS` a text, and whether it shows a problem."""
     runs, margin, late = len(group.records), group.margin_m, group.misses
     time = median(group.time_99_s), worst(group.time_99_s)
     ratio = median(group.ratio_99), worst(group.ratio_99)

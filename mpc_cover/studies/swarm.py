@@ -1,4 +1,4 @@
-"""The distributed law in one process: each agent with its own map, as late as the network makes it (chapters 5, 6)."""
+"""Simulates the distributed law in one process: each agent with its own map, delayed by the network (chapters 5, 6)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from mpc_cover.distributed.potential_functions import coordination_of
 from mpc_cover.distributed.potential_law import Bounds, PotentialLaw, random_signal
 from mpc_cover.distributed.stall_escape import StallEscape
 from mpc_cover.information.ageing import AgeingMap
+from mpc_cover.mission.config import Dynamics
 from mpc_cover.studies.swarm_knowledge import Knowledge
 from mpc_cover.studies.swarm_record import MapRecord, SwarmRecord
 
@@ -32,7 +33,7 @@ def fly(fleet: Fleet, field: Field, parameters: SwarmParameters, seed: int) -> S
     Parameters
     ----------
     fleet, field : of a mission; rho_B of 0 and rho_C of inf ask for neither.
-    parameters : how.
+    parameters : of the simulation.
     seed : of the random signal, the field to be estimated, its readings, and the order of escapes.
 
     Raises
@@ -63,7 +64,7 @@ class _Motion:
     """The fleet's state, and one step of the law."""
 
     def __init__(self, fleet: Fleet, field: Field, parameters: SwarmParameters, seed: int) -> None:
-        self._double = parameters.dynamics == "double"
+        self._double = parameters.dynamics == Dynamics.DOUBLE
         self.position, self.velocity = fleet.start.copy(), np.zeros_like(fleet.start)
         self._period = parameters.period_s
         coordination = coordination_of(fleet, parameters.repel_within_m, parameters.attract_beyond_m)
@@ -87,22 +88,22 @@ class _Motion:
         return kept
 
     def move(self, weight: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Go one step by (m, K) gamma; return the velocities that it began with and the inputs held, each (m, d)."""
+        """Move one step by (m, K) gamma; return the velocities at its start and the inputs held, each (m, d)."""
         here, begun = self.position, self.velocity
         weighed = weight * self._value
         gamma = np.array([escape.attend(row) for escape, row in zip(self._escape, weighed, strict=True)])
-        wish = self._law.wish(here, gamma, kept, random_signal(self._signal, *here.shape))
+        desired = self._law.desired_velocity(here, gamma, kept, random_signal(self._signal, *here.shape))
         if not self._double:
-            self.position = self._law.step(here, wish, kept)
+            self.position = self._law.step(here, desired, kept)
             return (self.position - here) / self._period, np.zeros_like(here)
-        force = self._law.force(here, begun, wish, kept)
+        force = self._law.force(here, begun, desired, kept)
         self.position = here + self._period * begun + 0.5 * self._period**2 * force
         self.velocity = begun + self._period * force
         return begun, force
 
 
 class _Log:
-    """What happens, sample by sample."""
+    """The log of a simulation, sample by sample."""
 
     def __init__(self, parameters: SwarmParameters, agents: int) -> None:
         self._parameters, self._agents = parameters, agents

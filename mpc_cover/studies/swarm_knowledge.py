@@ -1,4 +1,4 @@
-"""What the fleet has measured, and what each agent knows of it (5.2.1.1, 6.3)."""
+"""The maps of a simulated fleet: of all measurements, and of those that each agent knows (5.2.1.1, 6.3)."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ def make_map(information: Information, sensing: Sensing) -> ResidualMap | Ageing
 
 
 class Knowledge:
-    """The fleet's map and each agent's own; without delay they are one and the same.
+    """The fleet's map and each agent's own; without delay they are the same.
 
     Attributes
     ----------
     true : of all looks.
-    own : (m,) of the looks that each agent has heard of.
+    own : (m,) of the looks that each agent has received.
     truth : (K,) the field to be estimated; empty without one.
     """
 
@@ -58,26 +58,26 @@ class Knowledge:
             self._sensing = NoisySensing(self._sensing, fields, information.noise, np.random.default_rng([seed, 2]))
         self.true = make_map(information, self._sensing)
         self.own = (self.true,) * fleet.size
-        self._late: DelayedMaps[ResidualMap | AgeingMap] | None = None
+        self._delayed: DelayedMaps[ResidualMap | AgeingMap] | None = None
         if parameters.delay != 0:
             delay = RelayDelay(fleet.size) if parameters.delay == "hops" else FixedDelay(parameters.delay)
-            self._late = DelayedMaps([make_map(information, self._sensing) for _ in fleet.ids], delay)
-            self.own = self._late.maps
+            self._delayed = DelayedMaps([make_map(information, self._sensing) for _ in fleet.ids], delay)
+            self.own = self._delayed.maps
         self._begin = float(self.true.residual.sum())
 
     def observe(self, sample: int, time_s: float, position: FloatArray) -> None:
-        """Take what agents at (m, d) positions [m] measure at a sample, and pass on what is due."""
+        """Take in what agents at (m, d) positions [m] measure at a sample, and pass on what is due."""
         looks = self._sensing.looks(time_s, position)
         self.true.take(looks)
-        if self._late is not None:
-            self._late.observe(sample, looks, adjacency(position, self._reach))
+        if self._delayed is not None:
+            self._delayed.observe(sample, looks, adjacency(position, self._reach))
         for each in {id(each): each for each in (self.true, *self.own)}.values():
             if isinstance(each, AgeingMap):
                 each.pass_time(time_s)
 
     def weights(self) -> FloatArray:
         """Return (m, K): gamma that each agent knows of, summed over the magnitudes that it can measure."""
-        if self._late is None:
+        if self._delayed is None:
             return np.asarray(self._able @ self.true.residual)
         return np.array([able @ each.residual for able, each in zip(self._able, self.own, strict=True)])
 
@@ -87,7 +87,7 @@ class Knowledge:
         return all(not isinstance(each, AgeingMap) and each.complete for each in self.own)
 
     def left(self, each: ResidualMap | AgeingMap) -> float:
-        """Return what a map has left, as a part of what it began with; of an ageing map, the part not fresh."""
+        """Return the residual information of a map as a part of the initial; of an ageing map, the part not fresh."""
         if isinstance(each, AgeingMap):
             return 1.0 - each.fraction
         return float(each.residual.sum()) / self._begin if self._begin > 0.0 else 0.0

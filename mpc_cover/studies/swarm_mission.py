@@ -1,4 +1,4 @@
-"""Missions flown by the law in one process, as chapters 5 and 6 do: each agent's map as late as the study asks."""
+"""Simulates the distributed law on missions, as chapters 5 and 6 do: each agent's map delayed as the study asks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Literal
 from mpc_cover.distributed.setup import coordination_for, law_of, law_parameters
 from mpc_cover.errors import UserError
 from mpc_cover.mission import information as kinds
-from mpc_cover.studies.starts import random_starts
+from mpc_cover.mission.information import InformationKind
+from mpc_cover.studies.starts import Starts, random_starts
 from mpc_cover.studies.swarm import fly
 from mpc_cover.studies.swarm_parameters import KalmanInformation, LookInformation, SwarmParameters
 
@@ -24,19 +25,19 @@ def information_of(mission: Mission) -> Information:
     Raises
     ------
     UserError
-        The law's studies know coverage, looks and Kalman filters only.
+        The simulation supports coverage, looks and Kalman filters only.
     """
     given = mission.spec.information
     if isinstance(given, kinds.KalmanInformation):
         return KalmanInformation(given.prior_variance, given.noise_variance, given.target_variance, given.field.bumps)
     kind = mission.spec.information_kind
-    if kind not in {"coverage", "looks"}:
+    if kind not in {InformationKind.COVERAGE, InformationKind.LOOKS}:
         raise UserError(f"mission {mission.spec.name}: information.kind {kind}: must be coverage, looks or kalman")
     return LookInformation(mission.spec.looks)
 
 
 def swarm_of(mission: Mission, *, delay: int | Literal["hops"] | None = None, maps_every: int = 0) -> SwarmParameters:
-    """Return how a mission is flown in one process; `delay` takes the place of the mission's own.
+    """Return the parameters to fly a mission in one process; `delay` replaces the mission's own.
 
     Raises
     ------
@@ -66,7 +67,7 @@ def fly_mission(
     *,
     delay: int | Literal["hops"] | None = None,
     maps_every: int = 0,
-    starts: Literal["mission", "random"] = "mission",
+    starts: Starts = Starts.MISSION,
 ) -> SwarmRecord:
     """Fly a mission once, from its own starts or from random ones; arguments else as those of `swarm_of`.
 
@@ -76,6 +77,6 @@ def fly_mission(
         The law cannot fly it, or there is no room for random starts.
     """
     fleet = mission.fleet
-    if starts == "random":
+    if starts == Starts.RANDOM:
         fleet = replace(fleet, start=random_starts(mission, seed))
     return fly(fleet, mission.field, swarm_of(mission, delay=delay, maps_every=maps_every), seed)

@@ -1,4 +1,4 @@
-"""What a simulation of the distributed law is made of: the information, the delays, the law, and a scenario."""
+"""Parameters of a simulation of the distributed law: the information, the delays, the law, and a scenario."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mpc_cover.distributed.potential_law import LawParameters
-from mpc_cover.mission.config import Area, BoxShape
+from mpc_cover.mission.config import Area, BoxShape, Dynamics
 from mpc_cover.mission.field import Field, build_field
 from mpc_cover.mission.fleet import Fleet
 
@@ -42,7 +42,7 @@ class KalmanInformation:
 
 @dataclass(frozen=True)
 class AgeingInformation:
-    """A field that changes in time: a look is good for `fresh_s` [s]. Such a run ends at its time limit."""
+    """A field that changes in time: a look is valid for `fresh_s` [s]. Such a run ends at its time limit."""
 
     fresh_s: float = 10.0
 
@@ -57,13 +57,13 @@ class SwarmParameters:
     Attributes
     ----------
     information : what "measured" means.
-    delay : samples by which each agent knows of the others (delta of 6.3; 0: global knowledge), or "hops", by
-        which word travels one hop a sample through the communication graph as it is then.
+    delay : samples by which each agent knows of the others (delta of 6.3; 0: global knowledge), or "hops", with
+        which messages travel one hop a sample through the current communication graph.
     law : tuning of the potential law.
     dynamics : single integrators (5.1), or double integrators within the fleet's u_max and v_max (3.1).
     period_s : T_s.
     repel_within_m, attract_beyond_m : R_B and R_C; left out, 2 rho_B and 8/11 rho_C of the fleet, as in 6.3.
-    patience_s : time without news after which an agent attends to one cell (`distributed.stall_escape`).
+    patience_s : time without a change of the map after which an agent attends to one cell (`distributed.stall_escape`).
     time_limit_s : when to give up.
     maps_every : samples between recorded maps; 0 records none.
     """
@@ -71,7 +71,7 @@ class SwarmParameters:
     information: Information = field(default_factory=LookInformation)
     delay: int | Literal["hops"] = 0
     law: LawParameters = field(default_factory=LawParameters)
-    dynamics: Literal["single", "double"] = "single"
+    dynamics: Dynamics = Dynamics.SINGLE
     period_s: float = 0.5
     repel_within_m: float | None = None
     attract_beyond_m: float | None = None
@@ -82,7 +82,7 @@ class SwarmParameters:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A fleet of equals at random starts in a box, and how it is flown.
+    """A fleet of equal agents at random starts in a box, and how it is flown.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Scenario:
     range_m: float = np.inf
 
     def build(self, rng: np.random.Generator) -> tuple[Fleet, Field]:
-        """Return the fleet at random starts, apart and connected where that is asked for, and its cells."""
+        """Return the fleet at random starts, separated and connected where that is asked for, and the cells."""
         upper = np.array(self.size_m)
         box = BoxShape(kind="box", min_m=(0.0,) * upper.size, max_m=self.size_m)
         agents = self.agents
@@ -127,7 +127,7 @@ class Scenario:
 
 
 _TRIES = 20_000
-"""Draws before a box is said to be too small."""
+"""Draws before a box is considered too small."""
 _SPARE = 0.1
 """How far starts stay from rho_B and rho_C, as a part of them."""
 

@@ -1,4 +1,4 @@
-"""What a simulation of the distributed law leaves behind: everything that figures and tables are made of."""
+"""The record of a simulation of the distributed law: the data of its figures and tables."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class SwarmRecord:
 
     Attributes
     ----------
-    parameters, seed : what was run.
-    fleet, field : who, and where.
+    parameters, seed : of the simulation.
+    fleet, field : the agents, and the cells.
     time : (T,) [s].
     position, velocity : (T, m, d) [m], [m/s]; a single integrator's velocity is that of the interval that follows.
     input : (T-1, m, d) [m/s^2] held over each interval; zero for single integrators.

@@ -1,13 +1,13 @@
-"""The static boustrophedon partition: each agent sweeps a strip of its own and knows nothing of the others.
+"""The static boustrophedon partition: each agent sweeps a strip of its own and ignores the others.
 
-Before the start the cells are cut into strips, one an agent, with cells in proportion to speed, and handed out in
-the order in which the agents stand; of both axes the one is taken along which the slowest is done first. Each
-agent flies to and fro through its strip, lane by lane, as fast as waypoint following gets it there within its
-limits; then it visits what was left over in its strip, always the nearest cell first.
+Before the start the cells are cut into strips, one per agent, with cells in proportion to speed, and assigned in the
+order of the agents' positions, along the axis on which the slowest agent is done first. Each agent flies to and fro
+through its strip, lane by lane, as fast as waypoint tracking allows within its limits; then it visits the cells left
+over in its strip, the nearest first.
 
-That is all. Nobody looks out for separation or connectivity: strips do not overlap, but the ways there may cross,
-and a fleet spread over strips may lose touch. So it is flown on the mission `without_coordination`, as no plan
-of its would be sent otherwise, and judged by the whole mission: the verifier counts as it does for everyone.
+It ignores separation and connectivity: strips do not overlap, but the ways to them may cross, and a fleet spread over
+strips may lose connectivity. So it is flown on the mission `without_coordination`, as otherwise none of its plans
+would be sent, and judged by the whole mission like all controllers.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 def without_coordination(mission: Mission) -> Mission:
-    """Return the mission as a law can fly it that heeds neither separation, nor connectivity, nor links."""
+    """Return the mission for a law that respects neither separation, nor connectivity, nor links."""
     raw = mission.spec.model_dump(by_alias=True, exclude_none=True)
     for bound in ("communication_range_m", "separation_min_m", "links"):
         raw["fleet"].pop(bound, None)
@@ -52,7 +52,7 @@ class Strip:
     Attributes
     ----------
     path : (W, d) waypoints through its lanes [m].
-    own : (J, K) what of which cell it answers for.
+    own : (J, K) the magnitudes and cells assigned to it.
     """
 
     path: FloatArray
@@ -60,11 +60,11 @@ class Strip:
 
 
 class SweepLaw:
-    """The partition as a control law; deterministic. It needs everyone: who is lost is waited for.
+    """The partition as a control law; deterministic. It does not tolerate losses.
 
     Parameters
     ----------
-    mission : what to cover, with whom.
+    mission : the mission to fly.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class SweepLaw:
         self._passed: IntArray = np.zeros(fleet.size, dtype=np.intp)
 
     def step(self, state: FleetState, coverage: FlownMap, budget: Budget) -> Proposal:  # noqa: ARG002 - it takes no time
-        """Return the plan towards everyone's next waypoints; a fleet at rest shares out what is owed before that."""
+        """Return the plan towards all agents' next waypoints; a fleet at rest is first assigned what is owed."""
         self._fleet = replace(self._able, speed_max=self._able.speed_max * state.speed_share)
         if state.settled:
             self._share_out(state, coverage.owed)
@@ -99,7 +99,7 @@ class SweepLaw:
         return Proposal(state.trajectory(motion.velocity[1:], self._period), PlanSource.NEW, "sweeps")
 
     def published(self, trajectory: Trajectory) -> None:
-        """Do nothing: each step begins with where everyone is."""
+        """Do nothing: each step plans from the current state."""
 
     def _share_out(self, state: FleetState, owed: BoolArray) -> None:
         shares = [self._cut(state.position, owed, axis) for axis in range(state.position.shape[1])]
@@ -121,12 +121,12 @@ class SweepLaw:
         return np.asarray((here + braking * velocity)[None])
 
     def _flight(self, strips: list[Strip], position: FloatArray, velocity: FloatArray) -> int:
-        """Return how many steps it takes all to fly their lanes."""
+        """Return how many steps it takes all agents to fly their lanes."""
         paths = [strip.path for strip in strips]
         return track_waypoints(paths, position, velocity, self._fleet, self._period).steps
 
     def _cut(self, position: FloatArray, owed: BoolArray, axis: int) -> list[Strip]:
-        """Return a strip along `axis` for each agent; agents of unlike abilities share out what each can measure."""
+        """Return a strip along `axis` for each agent; agents that measure the same magnitudes share their cells."""
         able = np.isfinite(self._fleet.radius)
         strips = [Strip(here[None], np.zeros_like(owed)) for here in position]
         for pattern in np.unique(able, axis=0):
@@ -156,7 +156,7 @@ class SweepLaw:
 
 
 def _off_the_walls(fleet: Fleet, period: float) -> Fleet:
-    """Return the fleet in a box smaller by what a path may bulge out between two samples, u_max T_s^2 / 8."""
+    """Return the fleet in a box tightened by the overshoot of paths between two samples, u_max T_s^2 / 8."""
     size = fleet.motion_max - fleet.motion_min
     inset = np.minimum(float(fleet.input_max.max()) * period**2 / 8.0, 0.25 * size)
     return replace(fleet, motion_min=fleet.motion_min + inset, motion_max=fleet.motion_max - inset)

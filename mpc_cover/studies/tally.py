@@ -1,4 +1,4 @@
-"""The runs of a study by mission, controller and horizon: medians, and the worst of each."""
+"""Statistics of a study's runs, grouped by mission, controller and horizon: medians and worst values."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Group:
     Attributes
     ----------
     records : one or more.
-    label : what tells the group from others of its mission.
+    label : distinguishes the group from others of its mission.
     """
 
     records: tuple[Record, ...]
@@ -33,7 +33,7 @@ class Group:
 
     @property
     def first(self) -> Record:
-        """Any of them, for what they share."""
+        """Any of them, for the parameters that they share."""
         return self.records[0]
 
     @property

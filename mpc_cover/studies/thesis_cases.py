@@ -1,7 +1,7 @@
 """The simulations of chapters 5 and 6 as scenarios.
 
-The thesis prints rho = 1, u_max = 1, eight nodes, K = 15, rho_B = 0.5, R_B = 1, rho_C = 5.5, R_C = 4 and delta = 8. It
-does not print the size of W, the cells, T_s, alpha and beta, or anything of the field: here W is a square of
+The thesis gives rho = 1, u_max = 1, eight nodes, K = 15, rho_B = 0.5, R_B = 1, rho_C = 5.5, R_C = 4 and delta = 8. It
+does not give the size of W, the cells, T_s, alpha and beta, or any parameter of the field: here W is a square of
 10 m, cells are 0.5 m, T_s is 0.5 s, alpha = 4 and beta = 0.5^4 m^4; P(0) = 1, R = 1 and P_max = 1/16, so that a
 cell takes 15 looks as with K-coverage.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from mpc_cover.mission.config import Dynamics
 from mpc_cover.studies.swarm_parameters import (
     Information,
     KalmanInformation,
@@ -37,7 +38,7 @@ def constrained(information: Information, delay: int = DELAY, maps_every: int = 
 
 def as_double_integrators(scenario: Scenario, input_max_m_per_s2: float = 1.5) -> Scenario:
     """Return the same scenario flown by double integrators, whose speed bound is the single integrators' u_max."""
-    swarm = replace(scenario.swarm, dynamics="double")
+    swarm = replace(scenario.swarm, dynamics=Dynamics.DOUBLE)
     return replace(scenario, swarm=swarm, input_max_m_per_s2=input_max_m_per_s2)
 
 

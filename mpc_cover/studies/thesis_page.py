@@ -1,4 +1,4 @@
-"""All figures of the thesis as ours on one HTML page that needs nothing else."""
+"""The figures of the thesis, reproduced, on one self-contained HTML page."""
 
 from __future__ import annotations
 

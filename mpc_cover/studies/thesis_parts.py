@@ -1,4 +1,4 @@
-"""The parts of `mpc-cover study thesis`: what is flown or planned for which figures, each by itself."""
+"""The parts of `mpc-cover study thesis`: each flies or plans one mission, and draws its figures."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from mpc_cover.studies.swarm_record import SwarmRecord
 
 AREA = SizingProblem(area_m2=100.0, radius_m=1.0, speed_m_per_s=1.5)
-"""The thesis does not print the area of figures 1.1 and 1.2; this is ours."""
+"""The thesis does not give the area of figures 1.1 and 1.2; this is a choice."""
 
 
 class Panel(msgspec.Struct, frozen=True):
-    """A figure: its number in the thesis, or a name where it has none; its file, and what is seen in it."""
+    """A figure: its number in the thesis, or a name where it has none; its file, title and facts about it."""
 
     number: str
     file: str
@@ -40,7 +40,7 @@ class Panel(msgspec.Struct, frozen=True):
 
 
 class PartResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What a part leaves behind: its figures, the commands that made them, and what went against expectation."""
+    """The result of a part: its figures, the command that made them, and problems found."""
 
     key: str
     chapter: int
@@ -52,14 +52,14 @@ class PartResult(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Part:
-    """Something to be flown or planned.
+    """A part of the study.
 
     Attributes
     ----------
     key : mission, or "sizing".
-    figures : the thesis's numbers.
-    make : draws into a folder, from a seed.
-    mission : the file flown; None for the sizing model.
+    figures : numbers of the figures in the thesis.
+    make : flies or plans, and draws into a folder, with a seed.
+    mission : the mission file; None for the sizing model.
     """
 
     key: str
@@ -69,7 +69,7 @@ class Part:
     mission: Path | None = None
 
     def names(self) -> tuple[str, ...]:
-        """Return all that this part may be asked for by."""
+        """Return the names by which this part can be selected."""
         return (self.key, *self.figures)
 
 
@@ -183,7 +183,7 @@ def _swarm_figures(key: str, own: SwarmRecord, informed: SwarmRecord) -> list[tu
 
 
 def facts_of(record: SwarmRecord) -> list[str]:
-    """Return what a run of the distributed law came to, in sentences."""
+    """Return facts about a run of the distributed law, as sentences."""
     cells, left = record.covered_at.size, int(np.isinf(record.covered_at).sum())
     facts = [f"measured {floor_percent(cells - left, cells):g} % of {cells} cells"]
     if left == 0:
@@ -197,7 +197,7 @@ def facts_of(record: SwarmRecord) -> list[str]:
 
 
 def problems_of(record: SwarmRecord) -> list[str]:
-    """Return what a run of the distributed law should not have come to; checked along the continuous path."""
+    """Return the problems of a run of the distributed law; checked along the continuous path."""
     fleet, tolerance = record.fleet, 1e-6
     problems = [] if record.covered else ["not everything was measured"]
     if fleet.separation_min > 0.0 and record.closest < fleet.separation_min - tolerance:

@@ -1,6 +1,6 @@
-"""Many seeds of a mission by the potential law, from random starts, and in how many everything was measured.
+"""Flies a mission by the potential law from many random starts, and counts those in which everything was measured.
 
-A line a run is appended as it is finished; a line that a kill tore off is flown again.
+A line per run is appended when it is finished; the run of an incomplete line is flown again.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 
 from mpc_cover.mission.load import load_mission
 from mpc_cover.service.protocol.fingerprint import mission_hash
+from mpc_cover.studies.starts import Starts
 from mpc_cover.studies.swarm_mission import fly_mission
 from mpc_cover.studies.thesis_parts import problems_of
 
@@ -28,13 +29,13 @@ if TYPE_CHECKING:
 
 
 class SeedRun(msgspec.Struct, frozen=True, kw_only=True):
-    """A run in figures; times [s] are None for never.
+    """The figures of a run; times [s] are None for never.
 
     Attributes
     ----------
-    mission : fingerprint of what was flown.
-    time_s : to measure 95, 99 and 100 % of the cells, and until everyone knew.
-    problems : what should not have happened, in words.
+    mission : fingerprint of the mission.
+    time_s : to measure 95, 99 and 100 % of the cells, and until all agents knew.
+    problems : problems found, as texts.
     """
 
     key: str
@@ -59,7 +60,7 @@ class SeedTally(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def text(self) -> str:
-        """A line."""
+        """The tally as one line."""
         worst = "never" if self.worst_s is None else f"{self.worst_s:.1f} s"
         times = "" if self.median_s is None else f"; median {self.median_s:.1f} s, worst {worst}"
         return f"{self.key} ({', '.join(self.figures)}): {self.covered} of {self.flown} seeds covered everything{times}"
@@ -72,7 +73,7 @@ class SeedTally(msgspec.Struct, frozen=True, kw_only=True):
 def fly_seed(path: Path, seed: int) -> SeedRun:
     """Fly a mission file from random starts."""
     mission = load_mission(str(path))
-    record = fly_mission(mission, seed, starts="random")
+    record = fly_mission(mission, seed, starts=Starts.RANDOM)
     times = (record.time_to(0.95), record.time_to(0.99), record.time_to_cover, record.time_to_know)
     return SeedRun(
         key=path.stem,
@@ -86,7 +87,7 @@ def fly_seed(path: Path, seed: int) -> SeedRun:
 
 
 def run_seeds(folder: Path, parts: Sequence[Part], seeds: int, spread: Spread, console: Console) -> None:
-    """Fly the seeds 0, 1, ... of each part that are not in the folder yet."""
+    """Fly the missing ones of the seeds 0, 1, ... of each part."""
     tasks: list[Task] = []
     for part in parts:
         assert part.mission is not None, "seeds are of missions"
@@ -116,7 +117,7 @@ def tally(folder: Path, part: Part, seeds: int) -> SeedTally:
 
 
 def _known(folder: Path, part: Part) -> Iterator[SeedRun]:
-    """Yield the runs of this very mission that are on file, each seed once."""
+    """Yield the recorded runs of exactly this mission, each seed once."""
     file = folder / f"{part.key}.jsonl"
     if not file.is_file():
         return

@@ -1,7 +1,7 @@
-"""`mpc-cover study thesis`: all figures of the thesis as ours, and how often the law covers everything.
+"""`mpc-cover study thesis`: reproduces all figures of the thesis, and counts how often the law covers everything.
 
-Each part is made in a folder of its own that appears whole or not at all; what is there already, and was made of the
-same mission, seed and version, is not made again.
+Each part is made atomically in a folder of its own; parts that exist already, of the same mission, seed and version,
+are not made again.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class ThesisOptions:
 
 @dataclass(frozen=True)
 class ThesisResult:
-    """The page, what was drawn, what should not be, and how many seeds were covered."""
+    """The page, the parts drawn, problems found, and the tallies of seeds."""
 
     page: Path
     parts: list[PartResult]
@@ -51,7 +51,7 @@ class ThesisResult:
 
     @property
     def exit_status(self) -> int:
-        """1 when something is not as the thesis says."""
+        """1 when there are problems."""
         return 1 if self.problems else 0
 
     def to_dict(self) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def run_thesis(out: Path, options: ThesisOptions, console: Console, command: str
     Raises
     ------
     UserError
-        A figure is asked for that there is not, or the folder cannot be written.
+        There is no such figure, or the folder cannot be written.
     """
     parts = chosen_parts(options.only)
     try:
@@ -86,7 +86,7 @@ def run_thesis(out: Path, options: ThesisOptions, console: Console, command: str
 
 
 def chosen_parts(only: Sequence[str]) -> list[Part]:
-    """Return the parts asked for by figure or mission; all of none.
+    """Return the parts selected by figure or mission; all if none is.
 
     Raises
     ------
@@ -109,8 +109,8 @@ def _drawn(folder: Path, parts: list[Part], options: ThesisOptions, console: Con
     for result in _made(folder, todo, options):
         ready[result.key] = result
         facts = [fact for panel in result.panels for fact in panel.facts]
-        said = f"{len(ready)} of {len(parts)}  {result.key}: {'; '.join(facts)}"
-        console.print(said, highlight=False, markup=False, soft_wrap=True)
+        text = f"{len(ready)} of {len(parts)}  {result.key}: {'; '.join(facts)}"
+        console.print(text, highlight=False, markup=False, soft_wrap=True)
     return [ready[part.key] for part in parts]
 
 
@@ -120,7 +120,7 @@ def _made(folder: Path, todo: list[Part], options: ThesisOptions) -> Iterator[Pa
 
 
 def in_parallel(function: Any, tasks: Sequence[tuple[Any, ...]], jobs: int) -> Iterator[Any]:
-    """Yield the results of `function` on each task, as they come, from `jobs` processes with one thread each."""
+    """Yield the results of `function` on each task, as completed, from `jobs` processes with one thread each."""
     if min(jobs, len(tasks)) <= 1:
         for task in tasks:
             yield function(*task)
@@ -138,7 +138,7 @@ def in_parallel(function: Any, tasks: Sequence[tuple[Any, ...]], jobs: int) -> I
 
 
 def _make(part: Part, folder: Path, seed: int) -> PartResult:
-    """Make a part beside its place, and move it there."""
+    """Make a part in a temporary folder, and move it into place."""
     unfinished, place = folder / f".{part.key}.part", folder / part.key
     shutil.rmtree(unfinished, ignore_errors=True)
     unfinished.mkdir()
@@ -153,7 +153,7 @@ def _make(part: Part, folder: Path, seed: int) -> PartResult:
 
 
 def _finished(folder: Path, part: Part, seed: int) -> PartResult | None:
-    """Return a part that was made earlier of the same."""
+    """Return a part that was made earlier with the same stamp, or None."""
     place = folder / part.key
     try:
         found = msgspec.json.decode((place / _FILE).read_bytes(), type=PartResult)
@@ -164,7 +164,7 @@ def _finished(folder: Path, part: Part, seed: int) -> PartResult | None:
 
 
 def _stamp(part: Part, seed: int) -> str:
-    """Return what tells one making of a part from another."""
+    """Return a hash of everything that determines a part."""
     mission = "" if part.mission is None else load_mission(str(part.mission)).to_json()
     return hashlib.sha256(f"{__version__} {part.key} {seed} {mission}".encode()).hexdigest()
 

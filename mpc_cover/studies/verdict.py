@@ -1,4 +1,4 @@
-"""What a result is worth: J (4.34) exactly, what is covered, and what the independent verifier finds."""
+"""The verdict on a solver's result: the exact J (4.34), the coverage, and the independent verifier's checks."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import numpy as np
 
 from mpc_cover.constraints.pairs import all_pairs, linked_pairs
 from mpc_cover.coverage.nearest import nearest_samples
+from mpc_cover.mission.config import PlanEnd
 from mpc_cover.trajectory_file import Recording
 from mpc_cover.verification.connectivity import bottleneck
 from mpc_cover.verification.ends import check_plan_ends
 from mpc_cover.verification.motion import verify_motion
+from mpc_cover.verification.report import CheckName
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -20,12 +22,12 @@ if TYPE_CHECKING:
     from mpc_cover.verification.report import Check
 
 TOLERANCE = 1e-4
-"""What anyone may exceed a limit by [m, m/s, m/s^2]: general solvers stop at about 1e-6 of squared limits."""
+"""Tolerance of all limits [m, m/s, m/s^2]: general solvers stop at about 1e-6 of squared limits."""
 
 _TIE = 1e-9
 """A cell at distance exactly rho is covered, whatever the last bit says [m]."""
-_BETWEEN = frozenset({"box", "separation", "connectivity", "links kept"})
-"""Checks that the verifier makes between the samples, too."""
+_BETWEEN = frozenset({CheckName.BOX, CheckName.SEPARATION, CheckName.CONNECTIVITY, CheckName.LINKS})
+"""Checks that the verifier also makes between the samples."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Verdict:
 
     @property
     def complete(self) -> bool:
-        """Whether there is nothing left to be gained."""
+        """Whether no better result is possible."""
         return self.holds and self.covered_percent == 100.0  # noqa: PLR2004 - all of it
 
 
@@ -82,13 +84,13 @@ def judge(case: Case, x: FloatArray) -> Verdict:
         sampled=max(0.0, -min(*alone, others, np.inf if apart is None else apart)),
         path=max(0.0, -worst.margin),
         separation_sampled=apart,
-        separation_path=next((check.margin for check in checks if check.name == "separation"), None),
+        separation_path=next((check.margin for check in checks if check.name is CheckName.SEPARATION), None),
         worst="" if worst.margin >= -TOLERANCE else f"{worst.name} {worst.margin:.2g} {worst.unit} ({worst.where})",
     )
 
 
 def _checks(case: Case, position: FloatArray, velocity: FloatArray) -> list[Check]:
-    """Return what the verifier says of a motion (N+1, m, d), the ends that the mission asks for included."""
+    """Return the verifier's checks of a motion (N+1, m, d), with those of the ends that the mission asks for."""
     mission, ends = case.mission, case.ocp.ends
     given = ends.start_position is not None and ends.start_velocity is not None
     force = np.diff(velocity, axis=0) / case.ocp.period
@@ -99,7 +101,7 @@ def _checks(case: Case, position: FloatArray, velocity: FloatArray) -> list[Chec
         velocity,
         force,
         tolerance=TOLERANCE,
-        at_rest=mission.spec.planning.end in {"rest", "fixed"},
+        at_rest=mission.spec.planning.end in {PlanEnd.REST, PlanEnd.FIXED},
         start=(mission.fleet.start, np.zeros_like(mission.fleet.start)) if given else None,
     )
     unknown = np.full(mission.field.size, np.inf)

@@ -1,4 +1,4 @@
-"""A peer's stop-watch: it hands over iterates as they come, and stands still while they are judged."""
+"""A peer's stop-watch: it passes on iterates as they come, and is paused while they are judged."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from mpc_cover.studies.case import Case
 
 
-class Enough(Exception):  # noqa: N818 - no error: a way out of a solver that asks for no leave to stop
-    """The time is up, or nothing is left to be gained."""
+class Enough(Exception):  # noqa: N818 - no error: ends a solver that has no other way to be stopped
+    """The time is up, or no better result is possible."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """An iterate: when it was there [s], its decision vector, and what it is worth."""
+    """An iterate: its time [s], its decision vector, and the verdict on it."""
 
     time_s: float
     x: FloatArray
@@ -31,13 +31,13 @@ class Sighting:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a peer ends with.
+    """A peer's answer.
 
     Attributes
     ----------
-    x : its last decision vector; the best iterate it showed may be better.
+    x : its last decision vector; an earlier iterate may be better.
     iterations : in the peer's own counting (steps of its SQP, or of its interior-point method).
-    status : its own words for why it ended.
+    status : its own message about why it ended.
     time_s : on its stop-watch.
     """
 
@@ -51,7 +51,7 @@ class Peer(Protocol):
     """Solves a case from a decision vector; calls `watch.begin` once it is set up, and `watch.see` as it goes."""
 
     def __call__(self, case: Case, x: FloatArray, watch: Watch) -> Answer:
-        """Return the answer; may raise anything, which then is what its row of the table says."""
+        """Return the answer; may raise any exception, which is then shown in its row of the table."""
         ...
 
 
@@ -59,15 +59,15 @@ class Watch:
     """Measures one peer.
 
     Setting up (building symbolic graphs, compiling) is timed apart from solving; judging iterates is not
-    counted at all. Everyone is stopped by the same rule: when the time is up, or when an iterate covers
+    counted at all. All peers are stopped by the same rule: when the time is up, or when an iterate covers
     everything and holds along the continuous path, as then no J can be lower.
 
     Parameters
     ----------
-    case : what is solved.
+    case : the problem.
     limit_s : time for solving.
-    report : told the seconds that setting up took, once solving begins, and then each iterate.
-    clock : monotonic seconds, of the wall or of this process's processor.
+    report : called with the seconds that setting up took, once solving begins, and then with each iterate.
+    clock : monotonic seconds, of wall time or of this process's processor time.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Watch:
         self.complete = False
 
     def begin(self, x: FloatArray | None = None) -> None:
-        """Start the watch: what came before was setting up. `x` is what the peer starts from, if it is given."""
+        """Start the watch: the time before was for setting up. `x` is the peer's start, if it is given."""
         self._origin = self._clock()
         self._report(self._origin - self._created)
         if x is not None:
@@ -95,9 +95,10 @@ class Watch:
 
     @property
     def budget(self) -> Budget:
-        """What is left of the time; judging postpones its end.
+        """The remaining time; judging postpones its end.
 
-        Unlimited where the watch shows processor time, which no clock can foretell: `see` tells when it is enough.
+        Unlimited where the watch measures processor time, whose end is not known in advance: `see` returns when to
+        stop.
         """
         if self._clock is time.process_time:
             return Budget.unlimited()

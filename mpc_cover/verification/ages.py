@@ -1,7 +1,7 @@
-"""How old the looks of a patrol got, counted anew from the positions: a figure, or a limit where the mission says so.
+"""The ages of a patrol's looks, computed anew from the positions, and their limit where the mission is strict.
 
 `age_limit_s` is how long a look is as good as new; the fleet patrols so as to renew it by then, but no fleet is fast
-enough for every field. It is a promise only with `strict: true`.
+enough for every field. It is a requirement only with `strict: true`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.mission.information import AgeingInformation
-from mpc_cover.verification.report import Check
+from mpc_cover.verification.report import Check, CheckName
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -33,7 +33,7 @@ def check_ages(trajectory: Recording) -> list[Check]:
     cell = ", ".join(f"{x:.3g}" for x in trajectory.cell[k])
     where = f"{trajectory.mission.fleet.magnitudes[j]}, cell {k} at ({cell}), no look for {gap[j, k]:.2f} s until "
     where += f"t = {until[j, k]:.2f} s"
-    return [Check("age limit", margin >= -_SAME_TIME, margin, "s", where)]
+    return [Check(CheckName.AGE_LIMIT, margin >= -_SAME_TIME, margin, "s", where)]
 
 
 def longest_gaps(trajectory: Recording) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""The verifier of a trajectory file: the motion, and the coverage it claims."""
+"""Verifies a trajectory file: the motion, and the coverage it claims."""
 
 from __future__ import annotations
 
@@ -6,19 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.mission.config import Dynamics, PlanEnd, PlanStart
+from mpc_cover.trajectory_file import RecordingKind
 from mpc_cover.verification.ages import check_ages
 from mpc_cover.verification.coverage_claim import check_coverage
 from mpc_cover.verification.ends import check_plan_ends
 from mpc_cover.verification.losses import losses_of, verify_with_losses
 from mpc_cover.verification.motion import verify_motion
-from mpc_cover.verification.report import Check, Report
+from mpc_cover.verification.report import Check, CheckName, Report
 from mpc_cover.verification.single import as_single
 
 if TYPE_CHECKING:
     from mpc_cover.trajectory_file import Recording
 
 TOLERANCE = 1e-6
-"""What a limit may be exceeded by, and a residual may amount to [m, m/s, m/s^2]."""
+"""Tolerance of limits and of residuals [m, m/s, m/s^2]."""
 
 
 def check_trajectory(trajectory: Recording) -> Report:
@@ -29,8 +31,8 @@ def check_trajectory(trajectory: Recording) -> Report:
     them. The coverage is recomputed from the positions at the samples, and so are the ages of a strict patrol's looks.
     """
     fleet, planning = trajectory.mission.fleet, trajectory.mission.spec.planning
-    planned = trajectory.meta.get("kind") == "plan"
-    free = planned and planning.start == "free"
+    planned = trajectory.meta.get("kind") == RecordingKind.PLAN
+    free = planned and planning.start is PlanStart.FREE
     start = (fleet.start, np.zeros_like(fleet.start))
     if (losses := losses_of(trajectory)) and not planned:
         motion = verify_with_losses(trajectory, losses, tolerance=TOLERANCE, start=start)
@@ -42,13 +44,13 @@ def check_trajectory(trajectory: Recording) -> Report:
             trajectory.velocity,
             trajectory.input,
             tolerance=TOLERANCE,
-            at_rest=planned and planning.end in {"rest", "fixed"},
+            at_rest=planned and planning.end in {PlanEnd.REST, PlanEnd.FIXED},
             start=None if free else start,
         )
-    if trajectory.mission.spec.fleet.dynamics == "single":
+    if trajectory.mission.spec.fleet.dynamics is Dynamics.SINGLE:
         motion = as_single(motion, trajectory)
     if not motion.checks[0].holds:
-        unseen = Check("coverage", holds=False, margin=-np.inf, unit="s", where="not looked at")
+        unseen = Check(CheckName.COVERAGE, holds=False, margin=-np.inf, unit="s", where="not looked at")
         return Report((*motion.checks, unseen))
     ends = check_plan_ends(trajectory, TOLERANCE) if planned else []
     coverage = check_coverage(trajectory)

@@ -1,8 +1,8 @@
-"""Whether the fleet is connected at every instant (4.20), though its tree may change between samples.
+"""Connectivity of the fleet at every instant (4.20), though its tree may change between samples.
 
 The fleet is connected within rho_C at an instant exactly when the longest edge of its Euclidean minimum
-spanning tree, the bottleneck, is at most rho_C. Over a stretch of the path the bottleneck is at most that of
-the graph weighed with each pair's largest distance; where this bound says too little, the stretch is halved.
+spanning tree, the bottleneck, is at most rho_C. Over a segment of the path the bottleneck is at most that of
+the graph weighted with each pair's largest distance; where this bound is too loose, the segment is halved.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 _MAX_DEPTH = 24
 """Halvings of an interval: 6e-8 of it, in case two edges change places exactly at the bottleneck."""
 _MOST_EDGES = 1_000_000
-"""Edges of graphs that are worked on at once: some tens of megabytes."""
+"""Edges of graphs that are processed at once: some tens of megabytes."""
 _MAX_OPEN = 4096
-"""Stretches in work at a time; beyond it the bound itself is reported, which is on the safe side."""
+"""Segments processed at a time; beyond it the bound itself is reported, which is conservative."""
 
 
 class _Widest(NamedTuple):
@@ -51,12 +51,12 @@ def _widest(path: Path, limit: float, resolution: float) -> Distance:
     agents = path.position.shape[1]
     a, b, c = path.relative()
     # Bezier points: the parabola lies in their hull, so no point of it is farther than the farthest of them
-    stretch, begin, end = np.stack([a, a + 0.5 * b, a + b + c]), path.time[:-1], path.time[1:]
-    nodes = np.linalg.norm(np.concatenate([stretch[0], stretch[2, -1:]]), axis=-1)
+    segment, begin, end = np.stack([a, a + 0.5 * b, a + b + c]), path.time[:-1], path.time[1:]
+    nodes = np.linalg.norm(np.concatenate([segment[0], segment[2, -1:]]), axis=-1)
     nothing = _Widest(-np.inf, 0.0, nodes[0])
     bound, reached = nothing, _larger(nothing, bottleneck(nodes, agents), path.time, nodes)
     for depth in range(_MAX_DEPTH + 1):
-        farthest = np.linalg.norm(stretch, axis=-1).max(axis=0)
+        farthest = np.linalg.norm(segment, axis=-1).max(axis=0)
         ceiling = bottleneck(farthest, agents)
         todo = ceiling > reached.value + resolution
         if np.isfinite(limit):
@@ -66,9 +66,9 @@ def _widest(path: Path, limit: float, resolution: float) -> Distance:
         bound = _larger(bound, ceiling[settled], 0.5 * (begin + end)[settled], farthest[settled])
         if last or not todo.any():
             break
-        stretch, begin, end = _halve(stretch[:, todo], begin[todo], end[todo])
+        segment, begin, end = _halve(segment[:, todo], begin[todo], end[todo])
         half = begin.size // 2
-        middle = np.linalg.norm(stretch[2, :half], axis=-1)
+        middle = np.linalg.norm(segment[2, :half], axis=-1)
         reached = _larger(reached, bottleneck(middle, agents), end[:half], middle)
     worst = reached if bound.value <= reached.value + resolution else bound
     edge = int(np.argmin(np.abs(worst.length - worst.value)))
@@ -94,7 +94,7 @@ def exchanged_bottlenecks(path: Path, other: Path) -> FloatArray:
     """Return (m,) bounds on the bottleneck [m] along the whole path when agent i alone flies the other path instead.
 
     Both are of the same times. The bound is that of the intervals' control points: never below the true bottleneck,
-    and above it by at most a_rel h^2 / 8 on intervals of h [s]. Edges are measured once, for all the exchanges.
+    and above it by at most a_rel h^2 / 8 on intervals of h [s]. Edges are computed once, for all the exchanges.
     """
     agents = path.position.shape[1]
     if agents < 2:  # noqa: PLR2004 - a pair
@@ -126,7 +126,7 @@ def bottleneck(length: FloatArray, agents: int) -> FloatArray:
     Prim's algorithm on all graphs at once; a pair's column is its place in `Path.pair`.
     """
     graphs = length.shape[0]
-    # the diagonal points at a column of its own, so that nobody is near itself
+    # the diagonal points at a column of its own, so that no agent is near itself
     weight = np.concatenate([length, np.full((graphs, 1), np.inf)], axis=1)[:, _pair_index(agents)]
     row = np.arange(graphs)
     visited = np.zeros((graphs, agents), dtype=bool)
@@ -150,9 +150,9 @@ def _pair_index(agents: int) -> IntArray:
     return index
 
 
-def _halve(stretch: FloatArray, begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _halve(segment: FloatArray, begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Split each parabola at its middle (de Casteljau)."""
-    start, control, stop = stretch
+    start, control, stop = segment
     left, right = 0.5 * (start + control), 0.5 * (control + stop)
     middle, time = 0.5 * (left + right), 0.5 * (begin + end)
     halves = np.concatenate([np.stack([start, left, middle]), np.stack([middle, right, stop])], axis=1)

@@ -1,4 +1,4 @@
-"""Whether the coverage that a trajectory claims is what its positions measured: no earlier, and no later."""
+"""Checks that the coverage a trajectory claims is what its positions measured: no earlier, and no later."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.verification.looks import rule_of, settled_at
-from mpc_cover.verification.report import Check
+from mpc_cover.verification.report import Check, CheckName
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -27,16 +27,16 @@ def check_coverage(trajectory: Recording) -> list[Check]:
     """Check the cells against the mission's, and `covered_at` against the discs flown (3.23, 4.29)."""
     cells = _check_cells(trajectory)
     if not cells.holds:
-        skipped = [Check(name, False, -np.inf, "s", "not looked at") for name in ("coverage claimed", "coverage kept")]
-        return [cells, *skipped]
+        names = (CheckName.COVERAGE_CLAIMED, CheckName.COVERAGE_KEPT)
+        return [cells, *(Check(name, False, -np.inf, "s", "not looked at") for name in names)]
     radius = trajectory.mission.fleet.radius
     earliest = first_measured(trajectory, radius + _TIE + _DOUBT, 1.0 - _SUM)
     latest = first_measured(trajectory, radius + _TIE - _DOUBT, 1.0 + _SUM)
     claimed = trajectory.covered_at
     return [
         cells,
-        _check_claim("coverage claimed", _difference(claimed, earliest), trajectory, earliest),
-        _check_claim("coverage kept", _difference(latest, claimed), trajectory, latest),
+        _check_claim(CheckName.COVERAGE_CLAIMED, _difference(claimed, earliest), trajectory, earliest),
+        _check_claim(CheckName.COVERAGE_KEPT, _difference(latest, claimed), trajectory, latest),
     ]
 
 
@@ -44,7 +44,7 @@ def first_measured(trajectory: Recording, radius: FloatArray, part: float = 1.0)
     """Return (K,) [s]: the first sample by which every magnitude was measured on each cell; inf where never.
 
     `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude. Where the mission asks for more than one
-    look, `part` of what it asks for will do. A patrol's cells count from their first look.
+    look, `part` of what it asks for suffices. A patrol's cells count from their first look.
     """
     if (rule := rule_of(trajectory.mission)) is not None:
         return settled_at(trajectory, radius, rule, part * rule.level)
@@ -69,11 +69,11 @@ def _check_cells(trajectory: Recording) -> Check:
     expected = trajectory.mission.field.cell
     if trajectory.cell.shape != expected.shape or trajectory.covered_at.shape != expected.shape[:1]:
         where = f"cell {trajectory.cell.shape}, covered_at {trajectory.covered_at.shape}, must be {expected.shape}"
-        return Check("cells of the mission", False, -np.inf, "m", where)
+        return Check(CheckName.CELLS, False, -np.inf, "m", where)
     away = np.linalg.norm(trajectory.cell - expected, axis=1)
     k = int(np.argmax(away))
     margin = float(_SAME_CELL - away[k])
-    return Check("cells of the mission", margin >= 0.0, margin, "m", f"cell {k}")
+    return Check(CheckName.CELLS, margin >= 0.0, margin, "m", f"cell {k}")
 
 
 def _difference(later: FloatArray, sooner: FloatArray) -> FloatArray:
@@ -82,7 +82,7 @@ def _difference(later: FloatArray, sooner: FloatArray) -> FloatArray:
     return np.subtract(later, sooner, out=np.zeros_like(later), where=~both_never)
 
 
-def _check_claim(name: str, slack: FloatArray, trajectory: Recording, truth: FloatArray) -> Check:
+def _check_claim(name: CheckName, slack: FloatArray, trajectory: Recording, truth: FloatArray) -> Check:
     """Return the check whose margin is the smallest of the (K,) slacks [s]."""
     bad = ~(slack >= -_SAME_TIME)
     if not bad.any():
@@ -90,9 +90,9 @@ def _check_claim(name: str, slack: FloatArray, trajectory: Recording, truth: Flo
     k = int(np.argmin(slack))
     cell = ", ".join(f"{x:.3g}" for x in trajectory.cell[k])
     more = f" and {int(bad.sum()) - 1} more" if bad.sum() > 1 else ""
-    claim, fact = _say(trajectory.covered_at[k], "covered"), _say(truth[k], "measured")
+    claim, fact = _describe(trajectory.covered_at[k], "covered"), _describe(truth[k], "measured")
     return Check(name, False, float(slack[k]), "s", f"cell {k} at ({cell}){more}: claimed {claim}, was {fact}")
 
 
-def _say(time: float, done: str) -> str:
+def _describe(time: float, done: str) -> str:
     return f"{done} at t = {time:.3f} s" if np.isfinite(time) else f"never {done}"

@@ -1,4 +1,4 @@
-"""What a mission asks beyond every motion's limits: links that are kept (4.19), and the ends of plans (3.15)."""
+"""Checks of the links of a mission (4.19), and of the ends of its plans (3.15)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.verification.report import Check
+from mpc_cover.mission.config import PlanEnd
+from mpc_cover.verification.report import Check, CheckName
 
 if TYPE_CHECKING:
     from mpc_cover.model.fleet_constraints import FleetConstraints
@@ -38,7 +39,7 @@ def check_links(path: Path, fleet: FleetConstraints, tolerance: float) -> Check:
         margin = fleet.communication_range - float(bound[longest])
         if margin < worst:
             worst, where = margin, f"{fleet.ids[one]} - {fleet.ids[two]}, t = {path.time[longest]:.3f} s"
-    return Check("links kept", worst >= -tolerance, worst, "m", where)
+    return Check(CheckName.LINKS, worst >= -tolerance, worst, "m", where)
 
 
 def check_plan_ends(trajectory: Recording, tolerance: float) -> list[Check]:
@@ -46,18 +47,18 @@ def check_plan_ends(trajectory: Recording, tolerance: float) -> list[Check]:
     mission = trajectory.mission
     planning = mission.spec.planning
     checks = []
-    if planning.end == "closed":
+    if planning.end is PlanEnd.CLOSED:
         away = np.linalg.norm(trajectory.position[-1] - trajectory.position[0], axis=1)
         faster = np.linalg.norm(trajectory.velocity[-1] - trajectory.velocity[0], axis=1)
-        checks += [_smallest("closed in position", tolerance - away, "m", mission.fleet.ids)]
-        checks += [_smallest("closed in velocity", tolerance - faster, "m/s", mission.fleet.ids)]
-    if planning.end == "fixed":
+        checks += [_smallest(CheckName.CLOSED_POSITION, tolerance - away, "m", mission.fleet.ids)]
+        checks += [_smallest(CheckName.CLOSED_VELOCITY, tolerance - faster, "m/s", mission.fleet.ids)]
+    if planning.end is PlanEnd.FIXED:
         goal = np.array([agent.end_m for agent in mission.spec.fleet.agents], dtype=float)
         away = np.linalg.norm(trajectory.position[-1] - goal, axis=1)
-        checks.append(_smallest("end position", tolerance - away, "m", mission.fleet.ids))
+        checks.append(_smallest(CheckName.END_POSITION, tolerance - away, "m", mission.fleet.ids))
     return checks
 
 
-def _smallest(name: str, margin: np.ndarray, unit: str, ids: tuple[str, ...]) -> Check:
+def _smallest(name: CheckName, margin: np.ndarray, unit: str, ids: tuple[str, ...]) -> Check:
     worst = int(np.argmin(margin))
     return Check(name, bool(margin[worst] >= 0.0), float(margin[worst]), unit, ids[worst])

@@ -1,4 +1,4 @@
-"""What a run leaves of the information that its mission asks for: looks, variances, ages."""
+"""Summary of the information that a mission asks for, at the end of a run: looks, variances, ages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mpc_cover.information.build import make_map, true_field
 from mpc_cover.information.flight_map import FlightMap
 from mpc_cover.information.kalman import KalmanMap
 from mpc_cover.information.patrol import PatrolMap
-from mpc_cover.mission.information import EffectiveInformation, KalmanInformation
+from mpc_cover.mission.information import EffectiveInformation, InformationKind, KalmanInformation
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -28,7 +28,7 @@ def summarise_information(trajectory: Recording) -> dict[str, Any] | None:
         return None
     seen = make_map(mission, margin_m=0.0)
     if isinstance(seen, PatrolMap):
-        return {"kind": "ageing", **_ages(trajectory)}
+        return {"kind": InformationKind.AGEING, **_ages(trajectory)}
     for time, position in zip(trajectory.time, trajectory.position, strict=True):
         seen.observe(float(time), position)
     assert isinstance(seen, FlightMap)
@@ -36,19 +36,20 @@ def summarise_information(trajectory: Recording) -> dict[str, Any] | None:
         assert isinstance(mission.spec.information, KalmanInformation)
         off = seen.map.estimate - true_field(mission)
         return {
-            "kind": "kalman",
+            "kind": InformationKind.KALMAN,
             "largest_variance": float(seen.map.variance.max()),
             "mean_variance": float(seen.map.variance.mean()),
             "target_variance": mission.spec.information.target_variance,
             "rms_error": float(np.sqrt((off**2).mean())),
         }
-    kind = "effective" if isinstance(mission.spec.information, EffectiveInformation) else "looks"
+    effective = isinstance(mission.spec.information, EffectiveInformation)
+    kind = InformationKind.EFFECTIVE if effective else InformationKind.LOOKS
     return {"kind": kind, "largest_gamma": float(seen.map.residual.max())}
 
 
 @dataclass(frozen=True, eq=False)
 class AgeHistory:
-    """How old looks got on a patrol.
+    """The ages of looks on a patrol.
 
     Attributes
     ----------
@@ -66,7 +67,7 @@ class AgeHistory:
 
 
 def age_history(trajectory: Recording) -> AgeHistory:
-    """Return the ages that a patrol's flight left; its mission's information must be of kind ageing."""
+    """Return the ages over a patrol's flight; its mission's information must be of kind ageing."""
     seen = make_map(trajectory.mission, margin_m=0.0)
     assert isinstance(seen, PatrolMap)
     worst, mean = np.empty(trajectory.time.size), np.empty(trajectory.time.size)
@@ -77,7 +78,7 @@ def age_history(trajectory: Recording) -> AgeHistory:
 
 
 def _ages(trajectory: Recording) -> dict[str, Any]:
-    """Return ages over the whole run, and from when everything had been measured once on; those from the start on.
+    """Return the ages over the whole run, and those after everything had been measured once.
 
     The mean is over cells and time, by the trapezoidal rule.
     """

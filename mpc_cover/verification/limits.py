@@ -1,4 +1,4 @@
-"""The properties of one agent's path by itself: dynamics, speed, input, box, start and rest."""
+"""Checks of each agent's path by itself: dynamics, speed, input, box, start and rest."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.verification.report import Check
+from mpc_cover.verification.report import Check, CheckName
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def smallest(
-    name: str, slack: FloatArray, unit: str, *, time: FloatArray, ids: tuple[str, ...], tolerance: float = 0.0
+    name: CheckName, slack: FloatArray, unit: str, *, time: FloatArray, ids: tuple[str, ...], tolerance: float = 0.0
 ) -> Check:
     """Return the check whose margin is the smallest of the (n, m) slacks, at (n,) times [s]."""
     row, agent = np.unravel_index(int(np.argmin(slack)), slack.shape)
@@ -31,21 +31,21 @@ def check_dynamics(path: Path, ids: tuple[str, ...], tolerance: float) -> list[C
     residual_m = np.linalg.norm(path.position[1:] - moved, axis=2)
     residual_m_per_s = np.linalg.norm(path.velocity[1:] - turned, axis=2)
     return [
-        smallest("dynamics of position", tolerance - residual_m, "m", time=path.time[1:], ids=ids),
-        smallest("dynamics of velocity", tolerance - residual_m_per_s, "m/s", time=path.time[1:], ids=ids),
+        smallest(CheckName.DYNAMICS_POSITION, tolerance - residual_m, "m", time=path.time[1:], ids=ids),
+        smallest(CheckName.DYNAMICS_VELOCITY, tolerance - residual_m_per_s, "m/s", time=path.time[1:], ids=ids),
     ]
 
 
 def check_speed(path: Path, fleet: Fleet, tolerance: float) -> Check:
     """Check |v| <= v_max (3.12): the norm of v + t u is convex in t, so that it is largest at a sample."""
     slack = fleet.speed_max - np.linalg.norm(path.velocity, axis=2)
-    return smallest("speed", slack, "m/s", time=path.time, ids=fleet.ids, tolerance=tolerance)
+    return smallest(CheckName.SPEED, slack, "m/s", time=path.time, ids=fleet.ids, tolerance=tolerance)
 
 
 def check_input(path: Path, fleet: Fleet, tolerance: float) -> Check:
     """Check |u| <= u_max (3.11)."""
     slack = fleet.input_max - np.linalg.norm(path.force, axis=2)
-    return smallest("input", slack, "m/s^2", time=path.time[:-1], ids=fleet.ids, tolerance=tolerance)
+    return smallest(CheckName.INPUT, slack, "m/s^2", time=path.time[:-1], ids=fleet.ids, tolerance=tolerance)
 
 
 def check_box(path: Path, fleet: Fleet, tolerance: float) -> Check:
@@ -59,13 +59,13 @@ def check_box(path: Path, fleet: Fleet, tolerance: float) -> Check:
     point = np.concatenate([path.position, vertex])
     slack = np.minimum(point - fleet.motion_min, fleet.motion_max - point).min(axis=2)
     time = np.concatenate([path.time, path.time[:-1]])
-    return smallest("box", slack, "m", time=time, ids=fleet.ids, tolerance=tolerance)
+    return smallest(CheckName.BOX, slack, "m", time=time, ids=fleet.ids, tolerance=tolerance)
 
 
 def check_rest(path: Path, ids: tuple[str, ...], tolerance: float) -> Check:
-    """Check that everyone stands still at the end (3.15)."""
+    """Check that all agents stand still at the end (3.15)."""
     slack = tolerance - np.linalg.norm(path.velocity[-1:], axis=2)
-    return smallest("rest at the end", slack, "m/s", time=path.time[-1:], ids=ids)
+    return smallest(CheckName.REST, slack, "m/s", time=path.time[-1:], ids=ids)
 
 
 def check_start(
@@ -76,6 +76,6 @@ def check_start(
     away = np.linalg.norm(path.position[:1] - position, axis=2)
     faster = np.linalg.norm(path.velocity[:1] - velocity, axis=2)
     return [
-        smallest("start position", tolerance - away, "m", time=path.time[:1], ids=ids),
-        smallest("start velocity", tolerance - faster, "m/s", time=path.time[:1], ids=ids),
+        smallest(CheckName.START_POSITION, tolerance - away, "m", time=path.time[:1], ids=ids),
+        smallest(CheckName.START_VELOCITY, tolerance - faster, "m/s", time=path.time[:1], ids=ids),
     ]

@@ -1,4 +1,4 @@
-"""What settles a cell, as the verifier reads it from the mission: enough looks, each adding an amount."""
+"""When a cell is settled, as the verifier derives it from the mission: after enough looks, each adding an amount."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SOON = 1e-6
 
 @dataclass(frozen=True)
 class Rule:
-    """A cell is settled when its looks come to `level`; one adds `rim` at the radius, and `peak` at the agent.
+    """A cell is settled when its looks sum to `level`; one adds `rim` at the radius, and `peak` at the agent.
 
     An agent's looks at a cell are a period [s] apart at least.
     """
@@ -54,15 +54,15 @@ def rule_of(mission: Mission) -> Rule | None:
 
 
 def _counting(looks: float, period: float) -> Rule:
-    """Return the rule that asks for so many looks, rounded up; half a look off it, so that no rounding matters."""
+    """Return the rule that asks for so many looks, rounded up, less half a look, so that no rounding matters."""
     return Rule(math.ceil(looks) - 0.5, 1.0, 1.0, period)
 
 
 def settled_at(trajectory: Recording, radius: FloatArray, rule: Rule, level: float) -> FloatArray:
-    """Return (K,) [s]: the first sample by which the looks at each cell came to `level`, for every magnitude.
+    """Return (K,) [s]: the first sample by which the looks at each cell summed to `level`, for every magnitude.
 
-    `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude. Every agent looks at what it sees as soon
-    as it may.
+    `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude. Every agent looks at what is in range as
+    soon as a look counts.
     """
     times = [_of_magnitude(trajectory, reach, rule, level) for reach in radius.T]
     return np.asarray(np.max(times, axis=0))

@@ -1,4 +1,4 @@
-"""The verifier of a motion: dynamics, limits, separation and connectivity, on the continuous path."""
+"""Verifies a motion along its continuous path: dynamics, limits, separation and connectivity."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mpc_cover.verification.limits import (
     check_start,
 )
 from mpc_cover.verification.path import Path
-from mpc_cover.verification.report import Check, Report
+from mpc_cover.verification.report import Check, CheckName, Report
 from mpc_cover.verification.separation import smallest_separation
 
 if TYPE_CHECKING:
@@ -45,27 +45,27 @@ def verify_motion(
     """Verify a motion along its continuous path under a zero-order hold.
 
     It never raises on account of the motion: wrong shapes and numbers that are not finite fail the first
-    check, and everything else with it.
+    check, and with it all others.
 
     Parameters
     ----------
-    given : limits, box, rho_B (0: not asked for) and rho_C (inf: not asked for). Who is lost is an obstacle, whose
-        own limits, box and rest are not looked at; one agent at least must not be.
+    given : limits, box, rho_B (0: not asked for) and rho_C (inf: not asked for). Lost agents are obstacles, whose
+        own limits, box and rest are not checked; at least one agent must not be lost.
     time : (T,) [s], strictly increasing, not necessarily even, T >= 2.
     position, velocity : (T, m, d) [m], [m/s].
     force : (T-1, m, d) inputs [m/s^2], held over each interval.
-    tolerance : what a limit may be exceeded by, and a residual may amount to [m, m/s, m/s^2].
+    tolerance : of limits and of residuals [m, m/s, m/s^2].
     at_rest : whether the fleet must stand still at the end.
     start : (m, d) position [m] and velocity [m/s] that the motion must start in.
     """
     arrays = [time, position, velocity, force, *(start or ())]
     fleet = FleetConstraints.of(given)
-    if (wrong := _what_is_wrong(fleet, arrays)) is not None:
-        return _nothing_else_looked_at(fleet, wrong, at_rest=at_rest, start=start is not None)
+    if (wrong := _malformed(fleet, arrays)) is not None:
+        return _all_failed(fleet, wrong, at_rest=at_rest, start=start is not None)
     path = Path(*(np.asarray(array, dtype=float) for array in arrays[:4]))
     own, part = taking_part(path, fleet)
     checks = [
-        Check("numbers", holds=True, margin=0.0, unit="", where="all finite"),
+        Check(CheckName.NUMBERS, holds=True, margin=0.0, unit="", where="all finite"),
         *check_dynamics(path, fleet.ids, tolerance),
         check_speed(own, part, tolerance),
         check_input(own, part, tolerance),
@@ -85,24 +85,24 @@ def verify_motion(
 
 
 def _check_separation(path: Path, fleet: FleetConstraints, tolerance: float) -> Check:
-    """Check ||q_i - q_j|| >= rho_B at every instant (4.18); how near two lost agents come is nobody's decision."""
+    """Check ||q_i - q_j|| >= rho_B at every instant (4.18), but for pairs of lost agents, which nobody controls."""
     groups = [fleet.active, *((*fleet.active, lost) for lost in fleet.lost)] if fleet.lost else [fleet.active]
     worst, where = np.inf, "nobody is near"
     for group in groups:
-        some, part = _those(path, fleet, group)
+        some, part = _part_of(path, fleet, group)
         closest = smallest_separation(some)
         if closest is not None and closest.value < worst:
             worst, where = closest.value, describe(closest, part.ids)
     margin = worst - fleet.separation_min
-    return Check("separation", margin >= -tolerance, margin, "m", where)
+    return Check(CheckName.SEPARATION, margin >= -tolerance, margin, "m", where)
 
 
 def taking_part(path: Path, fleet: FleetConstraints) -> tuple[Path, FleetConstraints]:
-    """Return the path of those who are not lost, and their limits."""
-    return _those(path, fleet, fleet.active)
+    """Return the path of the agents that are not lost, and their limits."""
+    return _part_of(path, fleet, fleet.active)
 
 
-def _those(path: Path, fleet: FleetConstraints, group: tuple[int, ...]) -> tuple[Path, FleetConstraints]:
+def _part_of(path: Path, fleet: FleetConstraints, group: tuple[int, ...]) -> tuple[Path, FleetConstraints]:
     """Return the path of some agents, and their limits."""
     if len(group) == fleet.size:
         return path, fleet
@@ -113,14 +113,14 @@ def _those(path: Path, fleet: FleetConstraints, group: tuple[int, ...]) -> tuple
 
 
 def check_connectivity(path: Path, fleet: FleetConstraints, tolerance: float) -> Check:
-    """Check that edges of at most rho_C connect those who take part at every instant (4.20)."""
+    """Check that edges of at most rho_C connect the agents that are not lost at every instant (4.20)."""
     path, part = taking_part(path, fleet)
     if len(fleet.active) < 2:  # noqa: PLR2004 - a pair
-        return Check("connectivity", holds=True, margin=np.inf, unit="m", where="nobody to lose touch with")
+        return Check(CheckName.CONNECTIVITY, holds=True, margin=np.inf, unit="m", where="nobody to lose touch with")
     widest = widest_bottleneck(path, limit=fleet.communication_range, resolution=0.5 * tolerance)
     assert widest is not None, "asked for with two agents at least"
     margin = fleet.communication_range - widest.value
-    return Check("connectivity", margin >= -tolerance, margin, "m", describe(widest, part.ids))
+    return Check(CheckName.CONNECTIVITY, margin >= -tolerance, margin, "m", describe(widest, part.ids))
 
 
 def describe(distance: Distance, ids: tuple[str, ...]) -> str:
@@ -128,7 +128,7 @@ def describe(distance: Distance, ids: tuple[str, ...]) -> str:
     return f"{ids[distance.pair[0]]} - {ids[distance.pair[1]]}, t = {distance.time:.3f} s"
 
 
-def _what_is_wrong(fleet: FleetConstraints, arrays: list[FloatArray]) -> str | None:
+def _malformed(fleet: FleetConstraints, arrays: list[FloatArray]) -> str | None:
     """Return why the (time, position, velocity, force, start ...) are not a motion of this fleet, or None."""
     time = arrays[0]
     if np.ndim(time) != 1 or np.size(time) < 2:  # noqa: PLR2004 - one interval
@@ -149,19 +149,20 @@ def _what_is_wrong(fleet: FleetConstraints, arrays: list[FloatArray]) -> str | N
     return None
 
 
-def _nothing_else_looked_at(fleet: FleetConstraints, wrong: str, *, at_rest: bool, start: bool) -> Report:
+def _all_failed(fleet: FleetConstraints, wrong: str, *, at_rest: bool, start: bool) -> Report:
     """Return a report in which every check has failed, because the arrays are not a motion."""
+    connected = len(fleet.active) > 1 and np.isfinite(fleet.communication_range)
     asked = {
-        "dynamics of position": "m",
-        "dynamics of velocity": "m/s",
-        "speed": "m/s",
-        "input": "m/s^2",
-        "box": "m",
-        **({"separation": "m"} if fleet.size > 1 and fleet.separation_min > 0.0 else {}),
-        **({"connectivity": "m"} if len(fleet.active) > 1 and np.isfinite(fleet.communication_range) else {}),
-        **({"links kept": "m"} if fleet.links else {}),
-        **({"rest at the end": "m/s"} if at_rest else {}),
-        **({"start position": "m", "start velocity": "m/s"} if start else {}),
+        CheckName.DYNAMICS_POSITION: "m",
+        CheckName.DYNAMICS_VELOCITY: "m/s",
+        CheckName.SPEED: "m/s",
+        CheckName.INPUT: "m/s^2",
+        CheckName.BOX: "m",
+        **({CheckName.SEPARATION: "m"} if fleet.size > 1 and fleet.separation_min > 0.0 else {}),
+        **({CheckName.CONNECTIVITY: "m"} if connected else {}),
+        **({CheckName.LINKS: "m"} if fleet.links else {}),
+        **({CheckName.REST: "m/s"} if at_rest else {}),
+        **({CheckName.START_POSITION: "m", CheckName.START_VELOCITY: "m/s"} if start else {}),
     }
     skipped = (Check(name, False, -np.inf, unit, "not looked at") for name, unit in asked.items())
-    return Report((Check("numbers", holds=False, margin=-np.inf, unit="", where=wrong), *skipped))
+    return Report((Check(CheckName.NUMBERS, holds=False, margin=-np.inf, unit="", where=wrong), *skipped))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 _PIECE = 200_000
-"""Intervals times pairs that are worked on at once: tens of megabytes, however long the path."""
+"""Intervals times pairs that are processed at once: tens of megabytes, however long the path."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Path:
         return a, b, c
 
     def beside(self, other: Path) -> Path:
-        """Return the path of both fleets together: after these agents come those of a path at the same times."""
+        """Return the path of both fleets together: these agents, then those of a path at the same times."""
         ours, theirs = ((path.position, path.velocity, path.force) for path in (self, other))
         return Path(self.time, *(np.concatenate(both, axis=1) for both in zip(ours, theirs, strict=True)))
 

@@ -1,10 +1,38 @@
-"""What was verified, and by what margin it holds."""
+"""Results of a verification: what was checked, and by what margin it holds."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
+
+
+class CheckName(StrEnum):
+    """The properties that are checked, by their names in reports."""
+
+    NUMBERS = "numbers"
+    DYNAMICS_POSITION = "dynamics of position"
+    DYNAMICS_VELOCITY = "dynamics of velocity"
+    SPEED = "speed"
+    INPUT = "input"
+    NO_INPUT = "no input"
+    BOX = "box"
+    SEPARATION = "separation"
+    CONNECTIVITY = "connectivity"
+    RECONNECTION = "together again after a loss"
+    LINKS = "links kept"
+    REST = "rest at the end"
+    START_POSITION = "start position"
+    START_VELOCITY = "start velocity"
+    END_POSITION = "end position"
+    CLOSED_POSITION = "closed in position"
+    CLOSED_VELOCITY = "closed in velocity"
+    CELLS = "cells of the mission"
+    COVERAGE = "coverage"
+    COVERAGE_CLAIMED = "coverage claimed"
+    COVERAGE_KEPT = "coverage kept"
+    AGE_LIMIT = "age limit"
 
 
 @dataclass(frozen=True)
@@ -13,15 +41,14 @@ class Check:
 
     Attributes
     ----------
-    name : what was looked at.
-    holds : whether it is so, within the verifier's tolerance.
-    margin : the slack left where it is smallest; negative is by how much it is violated; -inf when it
-        could not be looked at.
+    name : the property that was checked.
+    holds : whether it holds, within the verifier's tolerance.
+    margin : the smallest slack; negative where the property is violated; -inf when it could not be checked.
     unit : of the margin.
     where : agent or pair, and time, of the smallest margin.
     """
 
-    name: str
+    name: CheckName
     holds: bool
     margin: float
     unit: str
@@ -39,13 +66,13 @@ class Check:
 
 @dataclass(frozen=True)
 class Report:
-    """All that was verified about a motion."""
+    """All checks of a motion."""
 
     checks: tuple[Check, ...]
 
     @property
     def holds(self) -> bool:
-        """Whether everything holds; an empty report vouches for nothing."""
+        """Whether everything holds; False for an empty report."""
         return bool(self.checks) and all(check.holds for check in self.checks)
 
     @property

@@ -19,7 +19,7 @@ _HALVINGS = 6
 """Bisections before Newton's method takes over."""
 _MAX_NEWTON = 50
 _SHARP = 1e-13
-"""How well the instant is known, as a part of the interval."""
+"""Precision of the instant, as a part of the interval."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def closest_approach(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[Float
 def _rising_zero(cubic: tuple[FloatArray, ...], left: FloatArray, right: FloatArray) -> FloatArray:
     """Return where g, rising from `left` to `right`, is zero; an end where it has one sign.
 
-    Newton's method within a bracket: no step leaves it, so that no vanishing coefficient can lead astray.
+    Newton's method within a bracket that no step leaves, so that vanishing coefficients do no harm.
     """
     g0, g1, g2, g3 = cubic
     right = np.where(g0 + left * (g1 + left * (g2 + left * g3)) >= 0.0, left, right)

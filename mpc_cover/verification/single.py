@@ -1,4 +1,4 @@
-"""What is asked of single integrators (5.1), whose velocity is their input and may jump from sample to sample."""
+"""Verification of single integrators (5.1), whose velocity is their input and may jump from sample to sample."""
 
 from __future__ import annotations
 
@@ -6,22 +6,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.verification.report import Check, Report
+from mpc_cover.verification.report import Check, CheckName, Report
 
 if TYPE_CHECKING:
     from mpc_cover.trajectory_file import Recording
 
-_NOT_ASKED = ("dynamics of velocity", "start velocity", "rest at the end")
+_NOT_APPLICABLE = frozenset(
+    {CheckName.DYNAMICS_VELOCITY, CheckName.START_VELOCITY, CheckName.REST, CheckName.INPUT},
+)
 
 
 def as_single(report: Report, trajectory: Recording) -> Report:
-    """Return a double integrators' report without what single integrators need not keep.
+    """Return the report of double integrators without the checks that do not apply to single integrators.
 
     Their velocity is that of the interval that follows and bounded as a speed (5.2); a force has nothing to act on, so
     that every path between two samples must be straight.
     """
-    kept = [check for check in report.checks if check.name not in _NOT_ASKED and check.name != "input"]
+    kept = [check for check in report.checks if check.name not in _NOT_APPLICABLE]
     if not report.checks[0].holds:
         return Report(tuple(kept))
     largest = float(np.abs(trajectory.input).max(initial=0.0))
-    return Report((*kept, Check("no input", largest == 0.0, -largest, "m/s^2", "single integrators take none")))
+    none = Check(CheckName.NO_INPUT, largest == 0.0, -largest, "m/s^2", "single integrators take none")
+    return Report((*kept, none))

@@ -1,4 +1,4 @@
-"""A run in figures: what was covered and when, and how near its limits the fleet came."""
+"""Summary of a run: what was covered and when, and how near its limits the fleet came."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from mpc_cover.verification.connectivity import widest_bottleneck
 from mpc_cover.verification.information_summary import summarise_information
-from mpc_cover.verification.losses import losses_of, separations, stretches
+from mpc_cover.verification.losses import losses_of, segments, separations
 from mpc_cover.verification.motion import taking_part
 from mpc_cover.verification.path import Path
 from mpc_cover.verification.separation import smallest_separation
@@ -27,7 +27,7 @@ _LEVELS = (90, 95, 99, 100)
 
 @dataclass(frozen=True)
 class StepTimes:
-    """How long the controller's steps took; a miss is a step longer than the period on the machine's clock."""
+    """Durations of the controller's steps; a miss is a step longer than the period on the machine's clock."""
 
     steps: int
     p50_ms: float
@@ -39,7 +39,7 @@ class StepTimes:
 
 @dataclass(frozen=True)
 class RunSummary:
-    """A run in figures; None is "never", "not asked for" or "does not apply".
+    """The figures of a run; None is "never", "not asked for" or "does not apply".
 
     Attributes
     ----------
@@ -47,8 +47,8 @@ class RunSummary:
     time_to_90_s, ... : when that part of the cells was covered.
     smallest_separation_m : along the continuous path; None for a single agent.
     separation_min_m, communication_range_m : rho_B and rho_C.
-    largest_speed_m_per_s, largest_input_m_per_s2 : those nearest their bounds, which come with them.
-    connected : whether the fleet was connected at every instant, but for those lost by then; None where it was not
+    largest_speed_m_per_s, largest_input_m_per_s2 : those nearest their bounds, which are given beside them.
+    connected : whether the fleet was connected at every instant, without agents lost by then; None where it was not
         asked for.
     bottleneck_m : the largest edge of its Euclidean minimum spanning tree at any instant.
     time_apart_s : for how long it was not connected; the loss of a relay may be the reason.
@@ -204,14 +204,14 @@ def summarise_steps(step_times: FloatArray | None, period_s: float) -> StepTimes
 
 
 def _longest_edge(trajectory: Recording) -> float | None:
-    """Return the longest edge [m] of the tree of those not lost by then; None when there were never two."""
-    paths = (taking_part(path, fleet)[0] for path, fleet in stretches(trajectory, losses_of(trajectory)))
+    """Return the longest edge [m] of the tree of agents not lost by then; None when there were never two."""
+    paths = (taking_part(path, fleet)[0] for path, fleet in segments(trajectory, losses_of(trajectory)))
     widest = [edge.value for path in paths if (edge := widest_bottleneck(path)) is not None]
     return max(widest, default=None)
 
 
 def _time_apart(trajectory: Recording) -> float:
-    """Return for how long those not lost by then were out of range of each other [s]."""
+    """Return for how long agents not lost by then were out of range of each other [s]."""
     end = float(trajectory.time[-1])
     apart = separations(trajectory, losses_of(trajectory), _TOLERANCE)
     return float(sum(min(one.end, end) - one.begin for one in apart))

@@ -1,1 +1,1 @@
-"""What a user sees: figures and tables. The only package that imports matplotlib."""
+"""Figures and tables for users. The only package that imports matplotlib."""

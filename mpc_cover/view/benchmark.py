@@ -1,4 +1,4 @@
-"""A benchmark of planners as a table, and J over time for each."""
+"""Tables of benchmarks, and the figure of J over time for each planner."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All figures of a run, and one that has them together."""
+"""All figures of a run, and an overview of them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpc_cover.errors import UserError
+from mpc_cover.mission.config import Dynamics
 from mpc_cover.verification.summary import floor_percent, time_for_a_step
 from mpc_cover.view.information import draw_ages, headline_of_patrol, is_patrol
 from mpc_cover.view.maps import draw_map
@@ -37,12 +38,12 @@ def draw_run(
     step_times: FloatArray | None = None,
     report: Report | None = None,
 ) -> list[Path]:
-    """Write a run's or a plan's figures as PNG into `folder`, which is made where it is missing.
+    """Write a run's or a plan's figures as PNG into `folder`, which is created if needed.
 
     Parameters
     ----------
-    step_times : (S,) [s], how long the controller's steps took; without it there is no such figure.
-    report : the verifier's; the overview says what it found.
+    step_times : (S,) [s], durations of the controller's steps; without it there is no such figure.
+    report : the verifier's; the overview shows its result.
 
     Returns
     -------
@@ -79,14 +80,14 @@ def _figures(
 
 
 def _panels(trajectory: Recording, step_times: FloatArray | None) -> dict[str, Draw]:
-    """Return what there is to draw over time, by name."""
+    """Return the panels over time, by name."""
     panels: dict[str, Draw] = {
         "coverage": lambda axes: draw_coverage(axes, trajectory),
         "speeds": lambda axes: draw_speeds(axes, trajectory),
     }
     if is_patrol(trajectory.mission):
         panels["ages"] = lambda axes: draw_ages(axes, trajectory)
-    if trajectory.mission.spec.fleet.dynamics != "single":  # their speed is what they choose
+    if trajectory.mission.spec.fleet.dynamics is not Dynamics.SINGLE:  # their speed is their input
         panels["inputs"] = lambda axes: draw_inputs(axes, trajectory)
     if len(trajectory.agent_id) > 1:
         panels["distances"] = lambda axes: draw_distances(axes, trajectory)
@@ -141,7 +142,7 @@ def draw_overview(trajectory: Recording, step_times: FloatArray | None, report: 
 
 
 def _headline(trajectory: Recording, report: Report | None) -> tuple[str, str]:
-    """Return what the overview says in a line, and its colour."""
+    """Return the headline of the overview, and its colour."""
     cells = trajectory.covered_at.size
     covered = floor_percent(sum(math.isfinite(time) for time in trajectory.covered_at), cells)
     kind = trajectory.meta.get("kind", "run")

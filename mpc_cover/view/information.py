@@ -1,4 +1,4 @@
-"""What a mission's kind of information changes in the pictures: what dark means, and how old looks get."""
+"""Parts of figures that depend on a mission's kind of information: the meaning of dark cells, and ages of looks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def is_patrol(mission: Mission) -> bool:
 
 
 def meaning_of_dark(mission: Mission) -> str:
-    """Return what a dark cell lacks at the end."""
+    """Return what dark cells mean."""
     match mission.spec.information:
         case AgeingInformation(age_limit_s=limit):
             return f"the darker, the older at the end; black: {limit:g} s or more"
@@ -50,7 +50,7 @@ def draw_ages(axes: Axes, trajectory: Recording) -> None:
 
 
 def headline_of_patrol(trajectory: Recording) -> str:
-    """Return how old looks got, and for how long the fleet patrolled."""
+    """Return the largest age of looks, and the duration of the patrol."""
     history = age_history(trajectory)
     end = trajectory.time[-1]
     return f"looks at most {history.worst_s.max():.1f} s old (limit {history.limit_s:g} s) in {end:.1f} s"

@@ -1,4 +1,4 @@
-"""Trajectories over the coverage map: what is uncovered is dark, as in the thesis's figures 4.2 to 4.4."""
+"""Trajectories over the coverage map: uncovered cells are dark, as in the thesis's figures 4.2 to 4.4."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _draw_area(axes: Axes, trajectory: Recording) -> None:
     if not (np.allclose(low, field.shape_min[:2]) and np.allclose(high, field.shape_max[:2])):
         box = Rectangle((low[0], low[1]), *(high - low), fill=False, edgecolor=QUIET, linestyle=":", linewidth=1.2)
         axes.add_patch(box)
-    # whoever left the box is to be seen, too
+    # agents outside the box are shown, too
     flown = trajectory.position[..., :2].reshape(-1, 2)
     lower = np.min([low, field.shape_min[:2], flown.min(axis=0)], axis=0)
     upper = np.max([high, field.shape_max[:2], flown.max(axis=0)], axis=0)

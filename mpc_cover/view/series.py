@@ -1,4 +1,4 @@
-"""What changes over time: coverage, speeds, inputs, distances between agents, step times."""
+"""Panels over time: coverage, speeds, inputs, distances between agents, step times."""
 
 from __future__ import annotations
 
@@ -85,9 +85,9 @@ def draw_inputs(axes: Axes, trajectory: Recording) -> None:
 
 
 def draw_distances(axes: Axes, trajectory: Recording) -> None:
-    """Draw the distance of each pair between samples, too, with rho_B, rho_C and the longest edge of the tree.
+    """Draw the distance of each pair, also between samples, with rho_B, rho_C and the longest edge of the tree.
 
-    The tree is that of those who live (4.20); the dead remain obstacles, from whom others keep their distance.
+    The tree is that of the agents that are not lost (4.20); lost ones remain obstacles, from which others keep apart.
     """
     fleet = trajectory.mission.fleet
     path = Path(trajectory.time, trajectory.position, trajectory.velocity, trajectory.input)
@@ -101,9 +101,9 @@ def draw_distances(axes: Axes, trajectory: Recording) -> None:
         name += " (living)" * bool(losses)
         axes.plot(time, widest, color=INK, linewidth=2.6, label=name, path_effects=outlined(4.0))
         axes.plot(time, distance.min(axis=1), color="#D55E00", linewidth=2.2, label="closest pair")
-    _mark_deaths(axes, trajectory, losses)
+    _mark_losses(axes, trajectory, losses)
     if axes.get_legend_handles_labels()[1]:
-        columns = 1 if losses else 2  # a death's line is too long for a second column
+        columns = 1 if losses else 2  # the label of a loss is too long for a second column
         legend = axes.legend(loc="upper left", ncols=columns, handlelength=1.3, columnspacing=0.9, borderpad=0.2)
         legend.set_in_layout(False)
     room = 1.3 + 0.2 * len(losses)
@@ -119,30 +119,30 @@ def draw_distances(axes: Axes, trajectory: Recording) -> None:
 
 
 def _longest_edge(losses: dict[int, float], agents: int, time: FloatArray, distance: FloatArray) -> FloatArray:
-    """Return (Q,) the longest edge [m] of the tree of those who live at times (Q,) [s]; NaN where one is left.
+    """Return (Q,) the longest edge [m] of the tree of agents not lost at times (Q,) [s]; NaN where one is left.
 
-    `losses` says when who died [s]; `distance` is (Q, P) [m].
+    `losses` are the times of losses [s] by agent; `distance` is (Q, P) [m].
     """
     first, second = np.triu_indices(agents, k=1)
     widest = np.full(time.shape, np.nan)
     since = np.sort([-np.inf, *losses.values()])
     for begin, end in pairwise([*since, np.inf]):
-        living = [i for i in range(agents) if losses.get(i, np.inf) > begin]
-        now, between = (time >= begin) & (time < end), np.isin(first, living) & np.isin(second, living)
+        active = [i for i in range(agents) if losses.get(i, np.inf) > begin]
+        now, between = (time >= begin) & (time < end), np.isin(first, active) & np.isin(second, active)
         if between.any() and now.any():
-            widest[now] = bottleneck(distance[np.ix_(now, between)], len(living))
+            widest[now] = bottleneck(distance[np.ix_(now, between)], len(active))
     return widest
 
 
-def _mark_deaths(axes: Axes, trajectory: Recording, losses: dict[int, float]) -> None:
-    """Draw when agents died, each in its own line of the legend."""
+def _mark_losses(axes: Axes, trajectory: Recording, losses: dict[int, float]) -> None:
+    """Draw when agents were lost, each with its own entry in the legend."""
     for index, time in sorted(losses.items(), key=lambda item: item[1]):
         name = f"{trajectory.agent_id[index]} dies, {time:.1f} s"
         axes.axvline(time, color=agent_style(index)[0], linewidth=1.8, linestyle=(0, (2, 1.5)), label=name, zorder=3)
 
 
 def draw_step_times(axes: Axes, step_times: FloatArray, period_s: float) -> None:
-    """Draw how long each step (S,) [s] of the controller took, with the period."""
+    """Draw the duration of each step (S,) [s] of the controller, with the period."""
     taken, period = 1e3 * step_times, 1e3 * period_s
     number = np.arange(1, taken.size + 1)
     missed = taken > period

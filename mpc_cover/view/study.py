@@ -1,4 +1,4 @@
-"""A study in figures: coverage over time, time to 99 % and step time by horizon, and the front of both."""
+"""Figures of a study: coverage over time, time to 99 % and step time by horizon, and the Pareto front of both."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Series:
 
     Attributes
     ----------
-    label : what it is called.
+    label : its name.
     level : (L,) rising parts of the cells [%].
     curve : (R, L) [s] when each run reached each level; inf where never.
     time_99 : (R,) [s]; inf where never.
@@ -66,7 +66,7 @@ def study_figures(missions: Mapping[str, Sequence[Series]]) -> Iterator[tuple[st
 
 
 def draw_coverage(mission: str, series: Sequence[Series]) -> Figure:
-    """Draw a panel a series: the median and the band of 10 to 90 % of the runs, the others' medians in grey."""
+    """Draw a panel for each series: the median and the band of 10 to 90 % of the runs, the others' medians in grey."""
     columns = 2 if len(series) == 4 else min(3, len(series))  # noqa: PLR2004 - two by two
     rows = -(-len(series) // columns)
     figure = new_figure(max(6.0, 4.3 * columns), 3.3 * rows + 0.5)
@@ -84,7 +84,7 @@ def draw_coverage(mission: str, series: Sequence[Series]) -> Figure:
         axes.set_title(one.label)
         _note(axes, f"99 %: median {_time(_median(one.time_99))}\nworst {_time(one.time_99.max())}\n{_runs(one)}")
     for axes in grid[len(series) - columns : len(series)]:
-        axes.tick_params(labelbottom=True)  # nothing stands below
+        axes.tick_params(labelbottom=True)  # there is no panel below
     for axes in grid[len(series) :]:
         axes.remove()
     grid[0].set(ylim=(0.0, 103.0), xlim=(0.0, time[-1]))
@@ -95,7 +95,7 @@ def draw_coverage(mission: str, series: Sequence[Series]) -> Figure:
 
 
 def draw_times(axes: Axes, series: Sequence[Series]) -> None:
-    """Draw the times to 99 % as boxes with a point a run; how many never got there stands above."""
+    """Draw the times to 99 % as boxes with a point per run; the number of runs that never got there is above."""
     reached = [one.time_99[np.isfinite(one.time_99)] for one in series]
     place = np.arange(len(series))
     boxes = axes.boxplot(reached, positions=place, widths=0.55, showfliers=False, patch_artist=True)
@@ -136,7 +136,7 @@ def draw_step_times(axes: Axes, series: Sequence[Series]) -> None:
 
 
 def draw_front(axes: Axes, series: Sequence[Series]) -> None:
-    """Draw what nobody beats in both: the median time to 99 % against the 99th percentile of the step time."""
+    """Draw the Pareto front of the median time to 99 % and the 99th percentile of the step time."""
     points = []
     for index, one in enumerate(series):
         time = _median(one.time_99)
@@ -170,7 +170,7 @@ _COMPARISONS: dict[str, Draw] = {"time-to-99": draw_times, "step-time": draw_ste
 
 
 def _by_mission(missions: Mapping[str, Sequence[Series]], draw: Draw) -> Figure:
-    """Return a figure with a panel a mission."""
+    """Return a figure with a panel for each mission."""
     columns = min(2, len(missions))
     rows = -(-len(missions) // columns)
     most = max(len(series) for series in missions.values())

@@ -1,4 +1,4 @@
-"""How all figures look: colours that colour-blind readers tell apart, and figures without global state."""
+"""The style of all figures: colours that colour-blind readers can distinguish, and figures without global state."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LIMIT = "#b3001b"
 GOOD = "#00704f"
 
 _KEPT = ("backend", "backend_fallback", "interactive")
-"""Settings of the user's session that are no question of style."""
+"""Settings of the user's session that are not a matter of style."""
 
 _RC = {
     "font.family": "DejaVu Sans",
@@ -60,7 +60,7 @@ _RC = {
 
 
 def house_style() -> AbstractContextManager[None]:
-    """Return the context in which figures are drawn: ours, whatever the user's matplotlibrc says."""
+    """Return the context in which figures are drawn: the same whatever the user's matplotlibrc."""
     defaults: Any = mpl.rcParamsDefault
     settings: Any = {name: defaults[name] for name in defaults if name not in _KEPT} | _RC
     return mpl.rc_context(settings)
@@ -80,7 +80,7 @@ def save_figure(figure: Figure, file: Path) -> Path:
 
 
 def agent_style(index: int) -> tuple[str, Any]:
-    """Return an agent's colour and line style; after seven agents the colours return with another line."""
+    """Return an agent's colour and line style; after seven agents the colours repeat with another line style."""
     line, colour = list(product(_LINES, _COLOURS))[index % (len(_LINES) * len(_COLOURS))]
     return colour, line
 

@@ -1,4 +1,4 @@
-"""The figures of chapters 5 and 6, one function each: what the thesis shows, from our own runs."""
+"""The figures of chapters 5 and 6 of the thesis, reproduced from our own runs, one function each."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def _stochastic_grid(run: SwarmRun, gamma: FloatArray, agent: int, watched: int 
 
 
 def _caption(run: SwarmRun, gamma: FloatArray, index: int) -> str:
-    """Return the moment and what is left then; little is not nothing."""
+    """Return the time and the part that is left; a small part is not rounded to zero."""
     most = float(gamma.max()) * gamma.shape[1]
     left = 100.0 * float(gamma[index].sum()) / most if most > 0.0 else 0.0
     part = f"{left:.1f}" if left >= 0.05 else "< 0.1" if left > 0.0 else "0"  # noqa: PLR2004 - what rounds to 0.1

@@ -1,4 +1,4 @@
-"""What the figures of chapters 5 and 6 need to know of a run of the distributed law."""
+"""The interface of a run of the distributed law that the figures of chapters 5 and 6 draw."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class SwarmRun(Protocol):
 
     @property
     def fleet(self) -> Fleet:
-        """Who."""
+        """The agents."""
         ...
 
     @property
@@ -55,12 +55,12 @@ class SwarmRun(Protocol):
 
     @property
     def residual(self) -> FloatArray:
-        """(T,) what is left, 1 at the start."""
+        """(T,) residual information, 1 at the start."""
         ...
 
     @property
     def own_residual(self) -> FloatArray:
-        """(T, m) what each agent knows to be left."""
+        """(T, m) residual information by each agent's knowledge."""
         ...
 
     @property

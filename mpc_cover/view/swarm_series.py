@@ -1,4 +1,4 @@
-"""What changes over time in a swarm: what is left, what agents know of it, and how far apart they are."""
+"""Panels over time of a swarm: residual information, each agent's knowledge of it, and distances between agents."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def draw_left(axes: Axes, run: SwarmRun) -> None:
 
 
 def draw_known(axes: Axes, run: SwarmRun, global_run: SwarmRun, watched: int) -> None:
-    """Draw what an agent knows to be left, what is left, and the case of global knowledge (6.3)."""
+    """Draw the residual information by an agent's knowledge, the true one, and that with global knowledge (6.3)."""
     time = run.path.time
     name = run.fleet.ids[watched]
     axes.plot(

@@ -1,4 +1,4 @@
-"""A run's summary and the verifier's report as tables for a terminal."""
+"""Tables for a terminal: a run's summary and the verifier's report."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ def _margin(margin: float, unit: str) -> str:
 
 
 def _information(figures: dict[str, Any]) -> str:
-    """Return the figures of a mission's kind of information in a line; those that there are not are left out."""
+    """Return the figures of a mission's kind of information in a line, without those that do not exist."""
     shown = [_figure(name, value) for name, value in figures.items() if isinstance(value, float)]
     return f"{figures['kind']}: {', '.join(shown)}"
 
 
 def _warning(figures: dict[str, Any]) -> str:
-    """Return the style of what a patrol let grow too old."""
+    """Return the style of the figures: a warning where a patrol exceeded its age limit."""
     worst = figures.get("worst_age_after_first_lap_s")
     return "bold red" if worst is not None and worst > figures["age_limit_s"] else ""
 

@@ -63,11 +63,11 @@ class Airspace:
         for i, agent in enumerate(self.agents):
             if i not in self.dead:
                 own = agent.report(sample, PERIOD * sample, q[i], v[i])
-                sent[i] = [own, *agent.news()]
+                sent[i] = [own, *agent.reports_to_relay()]
         for i, agent in enumerate(self.agents):
             for j, reports in sent.items():
                 if hears[i, j] and i not in self.deaf and self.rng.random() >= self.loss:
-                    agent.hear(reports)
+                    agent.receive(reports)
         brake = stopping_balls(q, v, self.fleet.input_max, PERIOD).force
         force = brake.copy()
         for i, agent in enumerate(self.agents):
@@ -75,7 +75,7 @@ class Airspace:
                 force[i] = agent.decide(sent[i][0])
                 for j in np.flatnonzero(hears[i]):
                     if j not in self.deaf and self.rng.random() >= self.loss:
-                        self.agents[j].hear([agent.promise(sent[i][0], force[i])])
+                        self.agents[j].receive([agent.promise(sent[i][0], force[i])])
         self.forces.append(force)
         self.states.append((q + PERIOD * v + 0.5 * PERIOD**2 * force, v + PERIOD * force))
 

@@ -10,7 +10,7 @@ from mission_kinds import KINDS, mission_with
 
 from mpc_cover.distributed.delayed_measurements import DelayedMeasurements
 from mpc_cover.distributed.setup import make_agent
-from mpc_cover.distributed.state_report import Report
+from mpc_cover.distributed.state_report import StateReport
 from mpc_cover.information.build import sensor_of, settling_map
 from mpc_cover.information.visibility import Visibility
 
@@ -20,7 +20,7 @@ REST = np.zeros(2)
 
 def report(agent=0, sample=0, where=(1.0, 1.0), readings=None):
     at = np.array(where)
-    return Report(agent, sample, 0.5 * sample, at, REST, looked=at, looked_s=0.5 * sample, readings=readings)
+    return StateReport(agent, sample, 0.5 * sample, at, REST, looked=at, looked_s=0.5 * sample, readings=readings)
 
 
 def known(mission=KALMAN):
@@ -38,8 +38,8 @@ def test_two_agents_that_hear_each_other_know_what_a_witness_knows(kind):
     for sample in range(8):
         position = mission.fleet.start + 0.2 * sample
         own = [each.report(sample, 0.5 * sample, q, REST) for each, q in zip(agents, position, strict=True)]
-        agents[0].hear([own[1]])
-        agents[1].hear([own[0]])
+        agents[0].receive([own[1]])
+        agents[1].receive([own[0]])
         witness.take(sensor.looks(0.5 * sample, position))
     for each in agents:
         for name, array in witness.kept.items():
@@ -69,9 +69,9 @@ def test_looks_with_their_readings_are():
 def test_readings_that_come_twice_count_once():
     one = make_agent(KALMAN, 1, seed=0)
     said = make_agent(KALMAN, 0, seed=0).report(0, 0.0, KALMAN.fleet.start[0], REST)
-    one.hear([said])
+    one.receive([said])
     before = one.known.information.copy()
-    one.hear([said, replace(said)])
+    one.receive([said, replace(said)])
     np.testing.assert_array_equal(one.known.information, before)
     assert said.readings is not None
     assert said.readings.size > 0

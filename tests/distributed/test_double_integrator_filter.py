@@ -9,7 +9,7 @@ from flights import fleet_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpc_cover.distributed.double_integrator_filter import stopping_balls
+from mpc_cover.distributed.double_integrator_filter import limited, stopping_balls, track
 from mpc_cover.distributed.potential_functions import Coordination
 from mpc_cover.distributed.potential_law import Bounds, LawParameters, PotentialLaw
 from mpc_cover.information.delay import adjacency
@@ -127,3 +127,17 @@ def test_a_range_too_short_for_the_braking_distance_is_refused():
     bounds = Bounds(np.full(2, 3.0), np.full(2, 0.5), np.full(2, -9.0), np.full(2, 9.0))
     with pytest.raises(ValueError, match="communication range"):
         PotentialLaw(np.zeros((1, 2)), bounds, Coordination(0.5, 1.0, 5.5, 4.0), LawParameters(), PERIOD)
+
+
+@given(seed=st.integers(0, 10**6))
+def test_tracking_stays_within_the_limits_and_arrives(seed):
+    rng = np.random.default_rng(seed)
+    most, fastest, period = np.array([1.5, 0.7]), np.array([1.0, 2.0]), 0.5
+    velocity = limited(rng.normal(size=(2, 2)) * 3.0, fastest)
+    wish = rng.normal(size=(2, 2)) * 3.0
+    for _ in range(20):
+        force = track(velocity, wish, most, fastest, period)
+        assert (np.linalg.norm(force, axis=1) <= most * (1.0 + 1e-12)).all()
+        velocity = velocity + period * force
+        assert (np.linalg.norm(velocity, axis=1) <= fastest * (1.0 + 1e-12)).all()
+    np.testing.assert_allclose(velocity, limited(wish, fastest), atol=1e-9)

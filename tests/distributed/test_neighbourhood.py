@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpc_cover.distributed.neighbourhood import Neighbourhood
-from mpc_cover.distributed.state_report import Report
+from mpc_cover.distributed.state_report import StateReport
 
 PERIOD = 0.5
 FLEET = fleet_of(np.zeros((3, 2)))
@@ -20,7 +20,7 @@ def around(double=True):
 
 
 def report(agent, sample, velocity=(0.0, 0.0), promised=False):
-    return Report(agent, sample, PERIOD * sample, np.array([1.0, 2.0]), np.array(velocity), promised=promised)
+    return StateReport(agent, sample, PERIOD * sample, np.array([1.0, 2.0]), np.array(velocity), promised=promised)
 
 
 @given(velocity=st.tuples(number, number))

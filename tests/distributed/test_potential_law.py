@@ -22,26 +22,26 @@ def law(**parameters):
 
 def test_an_infinite_gain_flies_at_full_speed_downhill():
     position = np.array([[2.0, 0.1], [-3.0, 0.0]])
-    wish = law().wish(position, np.array([0.0, 1.0, 0.0]), NOBODY, STILL)
+    wish = law().desired_velocity(position, np.array([0.0, 1.0, 0.0]), NOBODY, STILL)
     np.testing.assert_allclose(np.linalg.norm(wish, axis=1), [1.0, 0.5])
     assert (wish[:, 0] > 0.0).all()
-    assert (law().wish(position, np.zeros(3), NOBODY, STILL) == 0.0).all()
+    assert (law().desired_velocity(position, np.zeros(3), NOBODY, STILL) == 0.0).all()
 
 
 def test_a_finite_gain_is_proportional_until_it_is_cut():
     position = np.array([[0.0, 2.0], [0.0, 3.0]])
     weight = np.array([1.0, 0.0, 0.0])
     shape = CoverageShape(alpha=2.0, core_m=0.5)
-    wish = law(gain=0.1, shape=shape).wish(position, weight, NOBODY, STILL)
+    wish = law(gain=0.1, shape=shape).desired_velocity(position, weight, NOBODY, STILL)
     np.testing.assert_allclose(wish[:, 1], [-0.1 * 2.0 / 8.0, -0.1 * 2.0 / 27.0])
-    wish = law(gain=1e6, shape=shape).wish(position, weight, NOBODY, STILL)
+    wish = law(gain=1e6, shape=shape).desired_velocity(position, weight, NOBODY, STILL)
     np.testing.assert_allclose(wish[:, 1], [-1.0, -0.5])
 
 
 def test_too_near_goes_apart_too_far_comes_back():
-    near = law().wish(np.array([[0.0, 0.0], [0.6, 0.0]]), np.zeros(3), NOBODY, STILL)
+    near = law().desired_velocity(np.array([[0.0, 0.0], [0.6, 0.0]]), np.zeros(3), NOBODY, STILL)
     assert near[0, 0] < 0.0 < near[1, 0]
-    far = law().wish(np.array([[0.0, 0.0], [5.0, 0.0]]), np.zeros(3), ~np.eye(2, dtype=bool), STILL)
+    far = law().desired_velocity(np.array([[0.0, 0.0], [5.0, 0.0]]), np.zeros(3), ~np.eye(2, dtype=bool), STILL)
     assert far[1, 0] < 0.0 < far[0, 0]
 
 
@@ -49,7 +49,7 @@ def test_too_near_goes_apart_too_far_comes_back():
 def test_wishes_are_bounded(seed):
     rng = np.random.default_rng(seed)
     position = rng.uniform(-5, 5, (2, 2))
-    wish = law(random=2.0).wish(position, rng.random(3), ~np.eye(2, dtype=bool), random_signal(rng, 2, 2))
+    wish = law(random=2.0).desired_velocity(position, rng.random(3), ~np.eye(2, dtype=bool), random_signal(rng, 2, 2))
     assert (np.linalg.norm(wish, axis=1) <= np.array([1.0, 0.5]) * (1.0 + 1e-12)).all()
 
 

@@ -12,7 +12,7 @@ from mpc_cover.planning.budget import Budget
 from mpc_cover.service.agent.agent import Agent
 from mpc_cover.service.agent.recorder import MemoryRecorder
 from mpc_cover.service.agent.schedule import predict
-from mpc_cover.service.controller.tick import Controller
+from mpc_cover.service.controller.controller import Controller
 from mpc_cover.service.protocol.decoding import decode_event, decode_plan, decode_state, decode_status
 from mpc_cover.service.protocol.keys import Keys
 from mpc_cover.service.protocol.local import LocalBus

@@ -10,7 +10,7 @@ from mpc_cover.errors import UserError
 from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.planner import Planner
-from mpc_cover.studies.case import GUESSES, make_case, start_from
+from mpc_cover.studies.case import Guess, make_case, start_from
 from mpc_cover.studies.peers.registry import PEERS, chosen
 from mpc_cover.studies.verdict import judge
 from mpc_cover.studies.watch import Sighting, Watch
@@ -86,7 +86,7 @@ def test_an_exception_of_a_callback_comes_out_of_casadi(monkeypatch):
         PEERS["ipopt-smooth"].load()(case, start_from(case, "rest"), watch)
 
 
-@pytest.mark.parametrize("guess", GUESSES)
+@pytest.mark.parametrize("guess", Guess)
 def test_ours_is_the_planner_itself_from_the_one_guess(guess):
     mission = small_mission({"duration_s": 6.0})
     answer, seen, case = solved("ours-piqp", mission, guess=guess)
@@ -107,7 +107,7 @@ def test_peers_are_chosen_by_name():
             chosen(wrong)
 
 
-@pytest.mark.parametrize("guess", GUESSES)
+@pytest.mark.parametrize("guess", Guess)
 def test_guesses_end_as_they_must(guess):
     case = make_case(small_mission())
     position, velocity = case.ocp.motion(start_from(case, guess))

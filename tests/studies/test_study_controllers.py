@@ -56,7 +56,7 @@ def test_the_potential_law_of_a_study_is_the_one_of_a_simulation(law, seed):
     for name in ("time", "position", "velocity", "input", "covered_at"):
         assert np.array_equal(getattr(result.trajectory, name), getattr(simulated.trajectory, name))
     assert result.complete == simulated.complete
-    assert len(result.step_s) == sum(map(len, simulated.decide_s.values()))
+    assert len(result.step_s) == sum(map(len, simulated.decision_times_s.values()))
     assert result.messages >= simulated.messages > 0
 
 

@@ -1,1 +1,1 @@
-"""The agent daemon: it flies the newest plan that passes its filter, and outlives its controller."""
+"""The agent daemon: it flies the newest plan that passes its filter, also when its controller is gone."""

@@ -1,4 +1,4 @@
-"""The agent: plays the newest valid plan to its end, reports where it is, and outlives its controller."""
+"""The agent: it flies the newest valid plan to its end, with or without a controller, and reports its state."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ PLAN_DEPTH = 8
 
 
 class Agent:
-    """One simulated double integrator with its own filter and deadman (3.1, 3.2).
+    """One simulated double integrator with its own plan filter and deadman brake (3.1, 3.2).
 
     Parameters
     ----------
     mission, agent_id : which mission, and which of its agents.
-    transport, clock : handed in; time stamps are of this clock.
-    instance : names this life of the agent; plans for another are refused.
+    transport, clock : the network, and the clock of all time stamps.
+    instance : identifies this process of the agent; plans for another are rejected.
     speed : how many seconds of `clock` pass in one of the machine's.
-    seed : with the agent's number, of what disturbs it.
-    recorder : told the exact motion, piece by piece.
-    say : told events in words.
+    seed : with the agent's number, of its disturbances.
+    recorder : records the exact motion, piece by piece.
+    say : called with the text of each event.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Agent:
     ) -> None:
         index = mission.fleet.ids.index(agent_id)
         self.id = agent_id
-        self.done = False  # an agent never has enough
+        self.done = False  # an agent runs until it is stopped
         self.instance = instance or uuid.uuid4().hex
         self.rejected: Counter[Reason] = Counter()
         self._clock, self._speed = clock, speed
@@ -87,24 +87,24 @@ class Agent:
         self._alive_key = keys.agent_alive(agent_id)
 
     def startup(self) -> None:
-        """Show presence and report for the first time."""
+        """Announce presence and report the state for the first time."""
         self._transport.announce(self._alive_key)
         self._report()
-        self._post(self._clock.now())
+        self._send_due(self._clock.now())
 
     @property
     def next_time(self) -> float:
-        """When the next tick is due, on a grid of the agent's own clock [s]; or when a delayed report is."""
+        """When the next tick is due, on a grid of the agent's own clock, or a delayed report [s]."""
         report_s = self._report_index * self._state_period
         return min(report_s, self._outbox[0][0]) if self._outbox else report_s
 
     @property
     def at_rest(self) -> bool:
-        """Whether it stands still, as far as it can, with nothing left to fly."""
+        """Whether it stands still, within its tracking error, with nothing left to fly."""
         return self.schedule.rests(self.plant.time_s, self.plant.velocity) and self.vehicle.on_track
 
     def tick(self) -> None:
-        """Move to now, look at the plans that came, report."""
+        """Move to the present time, take in the plans that arrived, report the state."""
         now = self._clock.now()
         if not self._delay_s or now >= self._report_index * self._state_period - SNAP_S:
             self.vehicle.advance(now, self.schedule)
@@ -113,10 +113,10 @@ class Agent:
             self.vehicle.advance(now, self.schedule)
             self._report()
             self._report_index = max(self._report_index + 1, math.floor((now + SNAP_S) / self._state_period) + 1)
-        self._post(now)
+        self._send_due(now)
 
     def shutdown(self) -> None:
-        """Close the record; the transport is the caller's."""
+        """Close the record; the caller closes the transport."""
         self.vehicle.advance(self._clock.now(), self.schedule)
         if self._recorder:
             self._recorder.close(self.plant.time_s, *self.vehicle.truth)
@@ -124,8 +124,8 @@ class Agent:
     def _receive(self, item: Received, now: float) -> None:
         try:
             message = decode_plan(item.payload, self._dimension)
-            self._authority_check(message)
-            self._refused = message.ref  # until it has passed the rest, too
+            self._check_addressee(message)
+            self._refused = message.ref  # until it has passed the other checks, too
             plan = plan_in(message)
             check_time(message, now)
             check_content(plan.motion, self._limits)
@@ -136,10 +136,10 @@ class Agent:
             self._refused = None
             if message.epoch > self._authority.epoch:
                 text = f"flies for controller {message.controller[:8]}, epoch {message.epoch}"
-                self.events.tell("controller", text)
+                self.events.emit("controller", text)
             self._authority.accept(message)
 
-    def _authority_check(self, message: PlanMessage) -> None:
+    def _check_addressee(self, message: PlanMessage) -> None:
         if message.agent != self.id:
             raise RejectedError(Reason.WRONG_AGENT, f"for {message.agent}")
         if message.instance != self.instance:
@@ -147,22 +147,22 @@ class Agent:
         self._authority.check(message)
 
     def _adopt(self, plan: ScheduledPlan, now: float) -> None:
-        """Queue a plan that starts where the agent will be then, or join one that is where the agent is now."""
-        meeting = max(plan.motion.start_time, now)
-        others = Schedule(
+        """Queue a plan that starts in the agent's state at that time, or switch to one that passes through it now."""
+        joint_s = max(plan.motion.start_time, now)
+        before = Schedule(
             self.schedule.input_max,
             self.schedule.flown,
             tuple(q for q in self.schedule.queue if q.motion.start_time < plan.motion.start_time - SNAP_S),
         )
-        planned = plan.motion.at(meeting)
-        if not self.vehicle.can_reach(*planned, meeting):
-            check_start(planned, predict(self.plant, others, meeting))
+        planned = plan.motion.at(joint_s)
+        if not self.vehicle.can_reach(*planned, joint_s):
+            check_start(planned, predict(self.plant, before, joint_s))
         self.schedule.add(plan)
 
     def _reject(self, error: RejectedError) -> None:
         self.rejected[error.reason] += 1
         if error.reason is not Reason.OLD:  # repeats are harmless, and come with every reconnection
-            self.events.tell(error.reason.name.lower(), f"ignores a plan: {error}")
+            self.events.emit(error.reason.name.lower(), f"ignores a plan: {error}")
 
     def _report(self) -> None:
         plant, schedule, reference = self.plant, self.schedule, self.vehicle.reference
@@ -188,7 +188,7 @@ class Agent:
             self._recorder.mark(plant.time_s, *self.vehicle.truth)
         self._outbox.append((plant.time_s + self._delay_s, encode(state)))
 
-    def _post(self, now: float) -> None:
+    def _send_due(self, now: float) -> None:
         """Send the reports whose delay is over."""
         while self._outbox and self._outbox[0][0] <= now + SNAP_S:
             self._states.publish(self._outbox.popleft()[1])

@@ -1,8 +1,8 @@
-"""The agent's own filter: which plans it is willing to fly, whoever sent them.
+"""The agent's own filter of plans, independent of who sent them.
 
-A plan must be finite and of the right shape (`decoding`), meant for this very agent, from the newest
-controller, within the agent's limits, consistent with its dynamics, and at rest at its end. Whether it
-starts where the agent will be is judged against the agent's own prediction.
+A plan must be finite and of the right shape (`decoding`), addressed to this process of the agent, from the newest
+controller, within the agent's limits, consistent with its dynamics, and at rest at its end. It must start in the
+state that the agent predicts for itself.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ LIMIT_TOLERANCE = 1e-6
 DYNAMICS_TOLERANCE = 1e-6
 """Between the plan's samples and the roll-out of its inputs [m], [m/s]."""
 REST_TOLERANCE = 1e-3
-"""Speed at the end of a plan [m/s]; the agent brakes away what is left."""
+"""Speed at the end of a plan [m/s], from which the agent brakes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What one agent can do: input [m/s^2], speed [m/s], and the box (d,) [m] that it stays in."""
+    """One agent's limits: input [m/s^2], speed [m/s], and the box (d,) [m] that it stays in."""
 
     input_max: float
     speed_max: float
@@ -48,7 +48,7 @@ def limits_of(mission: Mission, index: int) -> Limits:
 
 @dataclass
 class Authority:
-    """The newest controller heard; older epochs, and twins of this one, are turned away."""
+    """The newest controller; plans of older epochs, and of another controller of the same epoch, are rejected."""
 
     epoch: int = -1
     controller: str = ""
@@ -95,7 +95,7 @@ def check_content(plan: Trajectory, limits: Limits) -> None:
 
 
 def check_time(message: PlanMessage, now_s: float) -> None:
-    """Raise RejectedError when the plan should have been taken up before `now_s`."""
+    """Raise RejectedError when the plan should have been received before `now_s`."""
     if now_s > message.valid_until_s:
         raise RejectedError(Reason.EXPIRED, f"{now_s - message.valid_until_s:.3g} s ago")
 

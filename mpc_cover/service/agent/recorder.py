@@ -1,9 +1,9 @@
-"""An agent's own record of its exact motion, written as it happens.
+"""An agent's own record of its exact motion, written as it moves.
 
-One JSON value a line: a header, then the pieces of the motion, each with the input that is held until the
-next piece begins. At each report the state reached is marked by a piece that holds no input: the next one begins
-at the same instant and takes its place, unless there is none. A line that a kill tore off is the last one, and is
-dropped when reading.
+One JSON value per line: a header, then the pieces of the motion, each with the input that is held until the
+next piece begins. At each report the state reached is marked by a piece without input: the next piece begins at the
+same instant and replaces it, unless there is none. Only the last line can be incomplete, if the process was killed;
+it is dropped when reading.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Header(msgspec.Struct, frozen=True):
-    """Whose record it is; `speed` is how many seconds of `time_s` pass in a second."""
+    """The agent that wrote the record; `speed` is how many seconds of `time_s` pass in a second."""
 
     agent: str
     instance: str
@@ -44,25 +44,25 @@ class Piece(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Recorder(Protocol):
-    """Is told the pieces of a motion."""
+    """Records the pieces of a motion."""
 
     def piece(
         self, time_s: float, position: FloatArray, velocity: FloatArray, force: FloatArray, plan: PlanRef | None
     ) -> None:
-        """Note a piece."""
+        """Record a piece."""
         ...
 
     def mark(self, time_s: float, position: FloatArray, velocity: FloatArray) -> None:
-        """Note the state reached; should it be the last one known, the record ends there."""
+        """Record the state reached; if it is the last one, the record ends there."""
         ...
 
     def close(self, time_s: float, position: FloatArray, velocity: FloatArray) -> None:
-        """Note the last state."""
+        """Record the last state."""
         ...
 
 
 class MemoryRecorder:
-    """Keeps the pieces."""
+    """Keeps the pieces in memory."""
 
     def __init__(self) -> None:
         self.pieces: list[Piece] = []
@@ -70,20 +70,20 @@ class MemoryRecorder:
     def piece(
         self, time_s: float, position: FloatArray, velocity: FloatArray, force: FloatArray, plan: PlanRef | None
     ) -> None:
-        """Note a piece."""
+        """Record a piece."""
         self.pieces.append(Piece(time_s, position.tolist(), velocity.tolist(), force.tolist(), plan))
 
     def mark(self, time_s: float, position: FloatArray, velocity: FloatArray) -> None:
-        """Note the state reached."""
+        """Record the state reached."""
         self.piece(time_s, position, velocity, np.zeros_like(velocity), None)
 
     close = mark
 
 
 class FileRecorder:
-    """Appends the pieces to a file, each line handed to the system at once: a kill loses none.
+    """Appends the pieces to a file, each line unbuffered: killing the process loses none.
 
-    A write error ends the record and is told once; the agent flies on.
+    A write error ends the record and is reported once; the agent flies on.
     """
 
     def __init__(self, path: Path, header: Header, say: Callable[[str], None]) -> None:
@@ -124,7 +124,7 @@ class FileRecorder:
 
 
 def read_record(path: Path) -> tuple[Header, list[Piece]]:
-    """Read what `FileRecorder` wrote, without a torn last line.
+    """Read what `FileRecorder` wrote, without an incomplete last line.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""How an agent plays its plans: the inputs over time, and the exact motion that they give.
+"""The schedule of an agent's plans: the inputs over time, and the exact motion that they give.
 
-The controller predicts with the same code as the agents fly, so that both agree to the last bits.
+The controller predicts with the same code that agents fly by, so that both agree to the last bit.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from mpc_cover.service.protocol.messages import PlanMessage, PlanRef
 
 STANDSTILL = 1e-9
-"""Slower than this is standing still [m/s]."""
+"""Speed below which an agent counts as at rest [m/s]."""
 START_TOLERANCE = 1e-3
-"""Between where a plan starts and where the agent is then [m], [m/s]."""
+"""Tolerance between the start of a plan and the agent's state at that time [m], [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class ScheduledPlan:
-    """A plan of one agent, in the clock of the agent that flies it, under the name by which it is reported."""
+    """A plan of one agent, in the clock of that agent, with the id by which it is reported."""
 
     ref: PlanRef
     motion: Trajectory
@@ -40,9 +40,9 @@ def plan_in(message: PlanMessage) -> ScheduledPlan:
 
 @dataclass
 class Schedule:
-    """The plan being flown and those that wait for their start, in the order of their starts.
+    """The plan being flown and those queued for their start, in the order of their starts.
 
-    After the last one the agent brakes, should it still move, and stays where it is.
+    After the last one the agent brakes if it still moves, and stays where it is.
     """
 
     input_max: float
@@ -50,16 +50,16 @@ class Schedule:
     queue: tuple[ScheduledPlan, ...] = ()
 
     def add(self, plan: ScheduledPlan) -> None:
-        """Queue a newer plan; it takes the place of all that would start later."""
+        """Queue a newer plan; it replaces all that would start later."""
         self.queue = (*(q for q in self.queue if q.motion.start_time < plan.motion.start_time - SNAP_S), plan)
 
     def switch(self, time_s: float) -> None:
-        """Take up the newest plan whose start has come."""
+        """Switch to the newest plan whose start time has come."""
         while self.queue and self.queue[0].motion.start_time <= time_s + SNAP_S:
             self.flown, self.queue = self.queue[0], self.queue[1:]
 
     def flying(self, time_s: float) -> ScheduledPlan | None:
-        """Return the plan that still has inputs to play."""
+        """Return the plan that still has inputs to apply."""
         flown = self.flown
         return flown if flown is not None and flown.motion.index(time_s) < flown.motion.steps else None
 
@@ -85,9 +85,9 @@ class Schedule:
 
 @dataclass
 class Plant:
-    """A double integrator at an instant (3.1, 3.2), moved exactly from input to input.
+    """A double integrator at an instant (3.1, 3.2), integrated exactly from input to input.
 
-    `position`, `velocity` are (d,) [m], [m/s]. `log` is told each piece of the motion: its start, the state
+    `position`, `velocity` are (d,) [m], [m/s]. `log` is called with each piece of the motion: its start, the state
     there, the input that is held until the next piece, and the plan flown.
     """
 
@@ -102,7 +102,7 @@ class Plant:
         """Move to `until_s`, switching plans exactly at their starts."""
         while True:
             schedule.switch(self.time_s)
-            self._take_up(schedule.flown)
+            self._switch_to(schedule.flown)
             plan = schedule.flying(self.time_s)
             if plan is None and float(np.linalg.norm(self.velocity)) <= STANDSTILL:
                 self.velocity = np.zeros_like(self.velocity)
@@ -111,8 +111,8 @@ class Plant:
             force, end_s = schedule.hold(self.time_s, self.velocity)
             self._move(min(end_s, until_s), force, plan)
 
-    def _take_up(self, plan: ScheduledPlan | None) -> None:
-        """Go on from where it is: whoever flies a plan exactly has no choice."""
+    def _switch_to(self, plan: ScheduledPlan | None) -> None:
+        """Do nothing: the plant continues from its own state."""
 
     def _move(self, end_s: float, force: FloatArray, plan: ScheduledPlan | None) -> None:
         if self.log is not None:
@@ -125,14 +125,14 @@ class Plant:
 
 @dataclass
 class Reference(Plant):
-    """The motion that a disturbed agent tracks: that of its plans, taken up where they say, not where it is.
+    """The reference motion that a disturbed agent tracks: each plan from its own start, not from the agent's state.
 
-    `flown` is the plan taken up last.
+    `flown` is the last plan that it switched to.
     """
 
     flown: ScheduledPlan | None = None
 
-    def _take_up(self, plan: ScheduledPlan | None) -> None:
+    def _switch_to(self, plan: ScheduledPlan | None) -> None:
         if plan is None or plan is self.flown:
             return
         self.flown = plan

@@ -1,9 +1,9 @@
-"""The body of a simulated agent: where it is, and where it measures that it is.
+"""The simulated vehicle of an agent: its true state, and its measured state.
 
-Without disturbances it is where its plans are, to the last bit. With them its plans move a reference, and the
-body tracks that: at each state period it measures itself and corrects the input by K (z_ref - z_measured), see
-`model.tube`. The agent's own input stays so far below its limit that gusts and wind on top of it do, too: what is
-recorded is the total acceleration, from which the recorded motion follows exactly.
+Without disturbances it follows its plans to the last bit. With them its plans move a reference, which the vehicle
+tracks: at each state period it measures its state and corrects the input by K (z_ref - z_measured), see
+`model.tube`. The agent's own input stays so far below its limit that the sum with gusts and wind does, too. The total
+acceleration is recorded, from which the recorded motion follows exactly.
 """
 
 from __future__ import annotations
@@ -34,28 +34,28 @@ if TYPE_CHECKING:
 
 
 class Vehicle(Protocol):
-    """What an agent needs of its body; `nominal` is the motion that its plans give."""
+    """What an agent needs of its vehicle; `nominal` is the motion that its plans give."""
 
     nominal: Plant
 
     @property
     def truth(self) -> MotionState:
-        """Where it is."""
+        """Its true state."""
         ...
 
     @property
     def measured(self) -> MotionState:
-        """Where it measures that it is."""
+        """Its measured state."""
         ...
 
     @property
     def reference(self) -> MotionState | None:
-        """What it tracks; None when it is there exactly."""
+        """The reference state that it tracks; None when it follows its plans exactly."""
         ...
 
     @property
     def on_track(self) -> bool:
-        """Whether it is as near to its reference as it should be."""
+        """Whether its tracking error is within the tube."""
         ...
 
     def advance(self, until_s: float, schedule: Schedule) -> None:
@@ -63,12 +63,12 @@ class Vehicle(Protocol):
         ...
 
     def can_reach(self, position: FloatArray, velocity: FloatArray, time_s: float) -> bool:
-        """Return whether it may be in this state then, although its reference will not."""
+        """Return whether it may be in this state (d,) [m], [m/s] then, although its reference will not."""
         ...
 
 
 class UndisturbedVehicle:
-    """Undisturbed."""
+    """A vehicle without disturbances, which follows its plans exactly."""
 
     reference = None
     on_track = True
@@ -78,7 +78,7 @@ class UndisturbedVehicle:
 
     @property
     def truth(self) -> MotionState:
-        """Where it is."""
+        """Its true state."""
         return self.nominal.position, self.nominal.velocity
 
     measured = truth
@@ -88,21 +88,21 @@ class UndisturbedVehicle:
         self.nominal.advance(until_s, schedule)
 
     def can_reach(self, position: FloatArray, velocity: FloatArray, time_s: float) -> bool:  # noqa: ARG002
-        """Return False: it is nowhere but on its plan."""
+        """Return False: it never deviates from its plan."""
         return False
 
 
 class TrackingVehicle:
-    """Disturbed.
+    """A disturbed vehicle, which tracks its reference by feedback.
 
-    Until it takes up its first plan it is parked: nothing moves it.
+    Until its first plan it is parked: disturbances do not move it.
 
     Parameters
     ----------
     nominal : the reference, at its start.
-    truth : where the body is, (d,) [m], [m/s].
-    tracking, weather : how it tracks, and what it suffers.
-    input_max, speed_max : its limits, as it knows them [m/s^2], [m/s].
+    truth : the true state, (d,) [m], [m/s].
+    tracking, weather : its feedback and tube, and its disturbances.
+    input_max, speed_max : its limits, as far as it knows them [m/s^2], [m/s].
     """
 
     def __init__(
@@ -127,22 +127,22 @@ class TrackingVehicle:
 
     @property
     def truth(self) -> MotionState:
-        """Where it is."""
+        """Its true state."""
         return self._position, self._velocity
 
     @property
     def measured(self) -> MotionState:
-        """Where it measures that it is: the velocity exactly, the position with this state period's noise."""
+        """Its measured state: the velocity exactly, the position with this state period's noise."""
         return self._position + self._noise, self._velocity
 
     @property
     def reference(self) -> MotionState:
-        """What it tracks."""
+        """The reference state that it tracks."""
         return self.nominal.position, self.nominal.velocity
 
     @property
     def on_track(self) -> bool:
-        """Whether it measures itself within its tube."""
+        """Whether its measured state is within the tube around the reference."""
         return self._tracking.contains(*self._error(), START_TOLERANCE)
 
     def advance(self, until_s: float, schedule: Schedule) -> None:
@@ -153,24 +153,25 @@ class TrackingVehicle:
             if time_s >= self._sample_s - SNAP_S:
                 self._measure()
             elif self.nominal.position is not before:
-                self._correct()  # the reference is another from now on
+                self._correct()  # the reference has jumped to another plan
             if time_s >= until_s:
                 return
             force, end_s = schedule.hold(time_s, self.nominal.velocity)
             self._move(min(end_s, until_s, self._sample_s), force, schedule)
 
     def can_reach(self, position: FloatArray, velocity: FloatArray, time_s: float) -> bool:
-        """Return whether its limits let it be there then, from where it measures itself now."""
-        here, now = self.measured
+        """Return whether its limits allow this state (d,) [m], [m/s] then, from the one measured now."""
+        measured_position, measured_velocity = self.measured
         dt = max(0.0, time_s - self.nominal.time_s)
         tube, noise = self._tracking.tube, self._tracking.bounds.position_noise_m
         reach = dt * self._speed_max + tube.position_m + 2.0 * noise + START_TOLERANCE
         faster = dt * self._input_max + tube.velocity_m_per_s + START_TOLERANCE
-        return bool(np.linalg.norm(position - here) <= reach and np.linalg.norm(velocity - now) <= faster)
+        near = np.linalg.norm(position - measured_position) <= reach
+        return bool(near and np.linalg.norm(velocity - measured_velocity) <= faster)
 
     @property
     def _sample_s(self) -> float:
-        """When it measures itself next [s]."""
+        """When it measures its state next [s]."""
         return self._sample * self._period_s
 
     def _measure(self) -> None:
@@ -184,8 +185,8 @@ class TrackingVehicle:
         self._feedback = -gains.position * position - gains.velocity * velocity
 
     def _error(self) -> MotionState:
-        here, now = self.measured
-        return here - self.nominal.position, now - self.nominal.velocity
+        position, velocity = self.measured
+        return position - self.nominal.position, velocity - self.nominal.velocity
 
     def _move(self, end_s: float, force: FloatArray, schedule: Schedule) -> None:
         time_s = self.nominal.time_s
@@ -205,7 +206,7 @@ class TrackingVehicle:
 
 
 def make_vehicle(mission: Mission, index: int, time_s: float, seed: int, log: Log | None) -> Vehicle:
-    """Return the body of the mission's agent number `index`, at rest at its start."""
+    """Return the vehicle of the mission's agent number `index`, at rest at its start."""
     fleet = mission.fleet
     start = fleet.start[index].copy()
     rest = np.zeros_like(start)

@@ -1,4 +1,4 @@
-"""Checkpoints of what was covered: torn or damaged ones are recognised, and the older one is taken."""
+"""Checkpoints of a mission's progress: incomplete or damaged ones are detected, and the one before is used."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PERIOD_S = 1.0
 
 
 class _Header(msgspec.Struct, frozen=True):
-    """What precedes the map's arrays, which follow in the order of `shapes` as little-endian doubles."""
+    """Header of a checkpoint; the map's arrays follow in the order of `shapes` as little-endian doubles."""
 
     mission: str
     generation: int
@@ -63,7 +63,7 @@ def pack(snapshot: Snapshot, mission: str, generation: int) -> bytes:
 
 
 def unpack(data: bytes) -> tuple[str, int, Snapshot] | None:
-    """Return mission hash, generation and snapshot, or None when the bytes are torn or damaged."""
+    """Return mission hash, generation and snapshot, or None when the bytes are incomplete or damaged."""
     checksum, _, body = data.partition(b"\n")
     if hashlib.sha256(body).hexdigest().encode() != checksum:
         return None
@@ -72,14 +72,14 @@ def unpack(data: bytes) -> tuple[str, int, Snapshot] | None:
         header = msgspec.json.decode(head, type=_Header)
         kept = _arrays(np.frombuffer(arrays, dtype="<f8"), header.shapes)
     except (msgspec.MsgspecError, ValueError):
-        return None  # written by something else, or by another version
+        return None  # written by another program or version
     known = header.origins, header.lost, header.heard, header.versions
     snapshot = Snapshot(header.mission_time_s, kept, header.finished, *known)
     return header.mission, header.generation, snapshot
 
 
 def _arrays(values: FloatArray, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, FloatArray]:
-    """Cut the doubles of all arrays, one after another, into those of these shapes; a ValueError if they don't fit."""
+    """Split the concatenated doubles into arrays of these shapes; raise ValueError if they do not fit."""
     ends = np.cumsum([math.prod(shape) for shape in shapes.values()])
     if values.size != (ends[-1] if ends.size else 0):
         raise ValueError("other sizes")
@@ -88,7 +88,7 @@ def _arrays(values: FloatArray, shapes: Mapping[str, tuple[int, ...]]) -> dict[s
 
 
 class FileCheckpoints:
-    """Keeps checkpoints in a state directory, in turn in two files."""
+    """Keeps checkpoints in a state directory, alternately in two files."""
 
     def __init__(
         self, folder: StateDirectory, mission: Mission, monotonic: Callable[[], float] = time.monotonic
@@ -102,7 +102,7 @@ class FileCheckpoints:
         self._generation = max((generation for _, generation, _ in self._kept), default=0)
 
     def load(self) -> tuple[Snapshot | None, str]:
-        """Return where to resume, if anywhere, and what to tell the user about it."""
+        """Return the snapshot to resume from, if any, and a message for the user."""
         newest = self._newest
         if newest is None:
             damaged = any(path.exists() for path in self._paths())
@@ -116,16 +116,16 @@ class FileCheckpoints:
 
     @property
     def versions(self) -> list[str]:
-        """Fingerprints of what the mission was before, for the same fleet, whether it is resumed or not."""
+        """Fingerprints of earlier versions of the mission for the same fleet, whether it is resumed or not."""
         newest = self._newest
         return newest[2].versions if newest is not None and newest[0] == self._mission else []
 
-    def take_up(self, mission: Mission) -> None:
+    def set_mission(self, mission: Mission) -> None:
         """Keep snapshots of another version of the mission from now on."""
         self._mission, self._given = mission_hash(mission), mission
 
     def save(self, snapshot: Snapshot, *, now: bool) -> str | None:
-        """Write a checkpoint, at most one a second unless `now`; return what went wrong, if anything."""
+        """Write a checkpoint, at most one per second unless `now`; return an error message, if any."""
         time_s = self._monotonic()
         if not now and time_s < self._due_s:
             return None

@@ -1,4 +1,4 @@
-"""Commands to the controller: pause, resume, abort, retask; a repeated request id gets the same reply."""
+"""Serves commands to the controller: pause, resume, abort, retask; a repeated request id gets the same reply."""
 
 from __future__ import annotations
 
@@ -8,46 +8,50 @@ from typing import TYPE_CHECKING
 
 from mpc_cover.service.protocol.decoding import RejectedError, decode_request
 from mpc_cover.service.protocol.keys import Keys
-from mpc_cover.service.protocol.messages import CommandReply, encode
+from mpc_cover.service.protocol.messages import CommandName, CommandReply, encode
 
 if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.protocol.bus import Request, Transport
     from mpc_cover.service.protocol.messages import Phase
 
-COMMANDS = ("pause", "resume", "abort", "retask")
 DEPTH = 16
 REMEMBERED = 64
 
 
 @dataclass(frozen=True)
 class Command:
-    """What was asked for, under which request id; a retask brings a `mission` as JSON."""
+    """A command with its request id; a retask has a `mission` as JSON."""
 
-    name: str
+    name: CommandName
     request: str
     mission: str = ""
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What became of a command; `problems` are those of a mission."""
+    """The outcome of a command; `problems` are those of a mission."""
 
     accepted: bool = True
     text: str = "done"
     problems: tuple[str, ...] = ()
 
 
-class CommandDesk:
-    """Takes requests at the start of a tick and answers them at its end."""
+class CommandServer:
+    """Receives requests at the start of a tick and answers them at its end.
+
+    Attributes
+    ----------
+    paused : whether the newest of pause and resume was pause.
+    """
 
     def __init__(self, mission: Mission, transport: Transport) -> None:
         self.paused = False
         self._requests = transport.requests(Keys(mission.spec.name).command(), DEPTH)
-        self._known: OrderedDict[str, tuple[str, Decision]] = OrderedDict()
+        self._known: OrderedDict[str, tuple[CommandName, Decision]] = OrderedDict()
         self._open: list[tuple[Request, Command]] = []
 
-    def take(self) -> list[Command]:
+    def receive(self) -> list[Command]:
         """Return the new commands, in their order."""
         commands = []
         for request in self._requests.drain():
@@ -57,10 +61,10 @@ class CommandDesk:
             except RejectedError as error:
                 request.fail(str(error).encode())
                 continue
-            if name not in COMMANDS:
-                request.fail(f"unknown command {name}: must be one of {', '.join(COMMANDS)}".encode())
+            if name not in set(CommandName):
+                request.fail(f"unknown command {name}: must be one of {', '.join(CommandName)}".encode())
                 continue
-            command = Command(name, asked.request, asked.mission)
+            command = Command(CommandName(name), asked.request, asked.mission)
             self._open.append((request, command))
             if asked.request not in self._known:
                 commands.append(command)
@@ -68,11 +72,11 @@ class CommandDesk:
         return commands
 
     def decide(self, command: Command, decision: Decision) -> None:
-        """Say what became of a command that was taken; of those of which nothing is said, it is done."""
+        """Set the outcome of a command that was received; by default it is accepted."""
         self._known[command.request] = command.name, decision
 
     def answer(self, phase: Phase) -> None:
-        """Reply to what was taken, now that it is done."""
+        """Reply to the commands that were received, now that they are executed."""
         for request, command in self._open:
             name, decision = self._known.get(command.request, (command.name, Decision()))
             reply = CommandReply(
@@ -86,7 +90,8 @@ class CommandDesk:
         self._open = []
 
     def _remember(self, command: Command) -> None:
-        self.paused = {"pause": True, "resume": False}.get(command.name, self.paused)
+        if command.name in {CommandName.PAUSE, CommandName.RESUME}:
+            self.paused = command.name is CommandName.PAUSE
         self._known[command.request] = command.name, Decision()
         while len(self._known) > REMEMBERED:
             self._known.popitem(last=False)

@@ -1,4 +1,4 @@
-"""Whether a mission is over: everything is covered that can be, or time is up; and what is said of it."""
+"""Completion of a mission: everything that can be covered is covered, or its time is up."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 class Completion:
-    """One version of a mission's.
+    """Tells when one version of a mission is over, and how.
 
     Parameters
     ----------
-    mission, coverage : what is to be covered, and what was.
-    supervisor, mission_clock : who is left to cover it, and since when it is flown.
+    mission, coverage : what is to be covered, and what has been.
+    supervisor, mission_clock : which agents can still cover it, and the mission time.
     """
 
     def __init__(
@@ -32,16 +32,16 @@ class Completion:
 
     @property
     def nothing_left(self) -> bool:
-        """Whether all that can be measured has been: everything, unless only the lost could have measured the rest."""
+        """Whether everything is measured that the agents that are not lost can measure."""
         return self._coverage.complete or not (self._coverage.owed & self._supervisor.reachable).any()
 
     def since_s(self, now_s: float) -> float:
-        """Return for how long nothing was left when last asked, by the controller's clock [s]."""
+        """Return the time since nothing is left, by the controller's clock [s]; to be called only then."""
         self._nothing_left_s = min(self._nothing_left_s, now_s)
         return now_s - self._nothing_left_s
 
     def out_of_time(self) -> tuple[Phase, str] | None:
-        """Return how it ends because time is up, or None while there is time or nothing is left."""
+        """Return the phase and message of an end because time is up; None while there is time or nothing is left."""
         if self.nothing_left or self._mission_clock.now() <= self._limit_s:
             return None
         if self._coverage.endless:
@@ -49,7 +49,7 @@ class Completion:
         return Phase.FAILED, f"{self._owed} cells are not covered after control.time_limit_s {self._limit_s:g} s"
 
     def ending(self) -> tuple[Phase, str]:
-        """Return how it ends when nothing is left and everyone is at rest."""
+        """Return the phase and message of an end because nothing is left and all agents are at rest."""
         lost = ", ".join(self._supervisor.lost)
         if not self._coverage.complete:
             without = f"{self._owed} cells are not covered, and cannot be without {lost}"

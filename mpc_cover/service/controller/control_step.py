@@ -1,6 +1,6 @@
-"""One control step: predicted state, control law, safety filter, publication, within its budget of time.
+"""One control step: state prediction, control law, safety filter and publication, within its time budget.
 
-A law that fails, comes too late, or proposes what the filter refuses leaves the previous plan in force.
+If the law fails, is too late, or proposes a plan that the filter refuses, the previous plan stays in force.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import time
 from typing import TYPE_CHECKING
 
 from mpc_cover.model.trajectory import SNAP_S
-from mpc_cover.service.controller.step_log import Step
+from mpc_cover.service.controller.step_log import Step, StepKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,16 +30,16 @@ LATEST_START = 0.5
 
 
 class ControlStep:
-    """Asks the control law for plans, in time, and has them published.
+    """Runs the control law within its time budget, and has its plans published.
 
     Parameters
     ----------
-    law, publisher : who plans, and who sends what the safety filter admits.
-    mission_clock, clock : when; `speed` is how many seconds of the clock pass in one of the machine's.
-    control : periods and limits of time.
-    steps : told what each step took.
+    law, publisher : makes plans, and sends those that the safety filter admits.
+    mission_clock, clock : `speed` is how many seconds of the clock pass in one of the machine's.
+    control : periods and time limits.
+    step_log : records the duration of each step.
     budget_of : makes a budget of so many seconds of the machine: of time, or of counted work.
-    tell : told events, of a kind, in words.
+    emit : publishes an event of a kind, with a text.
 
     Attributes
     ----------
@@ -54,96 +54,97 @@ class ControlStep:
         mission_clock: MissionClock,
         clock: Clock,
         control: Control,
-        steps: StepLog,
+        step_log: StepLog,
         *,
         speed: float,
         budget_of: Callable[[float], Budget],
-        tell: Callable[[str, str], None],
+        emit: Callable[[str, str], None],
     ) -> None:
         self.failures = 0
         self.sent = False
-        self._law, self._publisher, self._tell = law, publisher, tell
-        self._mission_clock, self._clock, self._steps = mission_clock, clock, steps
+        self._law, self._publisher, self._emit = law, publisher, emit
+        self._mission_clock, self._clock, self._step_log = mission_clock, clock, step_log
         self._control, self._speed, self._budget_of = control, speed, budget_of
 
-    def take_up(self, law: ControlLaw, control: Control) -> None:
+    def set_law(self, law: ControlLaw, control: Control) -> None:
         """Plan by another law from now on, for another version of the mission."""
         self._law, self._control, self.failures = law, control, 0
 
     def prepare(self, state: FleetState, coverage: FlownMap) -> tuple[Proposal, float]:
-        """Return the first plan of a fleet at rest, and what it took [s]; whatever the law raises goes through."""
+        """Return the first plan of a fleet at rest, and its computing time [s]; exceptions of the law propagate."""
         begun = time.perf_counter()
         proposal = self._law.step(state, coverage, self._budget_of(self._control.planning_time_s))
         return proposal, time.perf_counter() - begun
 
     def take_off(self, proposal: Proposal, state: FleetState, supervisor: FleetSupervisor, took_s: float) -> bool:
-        """Pin mission time to the clock, and send the first plan a period ahead of its start; return whether it is."""
-        supervisor.fleet.freeze_clocks()
+        """Start mission time, and send the first plan a period ahead of its start; return whether it was sent."""
+        supervisor.monitor.freeze_clocks()
         self._mission_clock.start(self._clock.now() + self._control.period_s)
         self.sent = self._publish(proposal, state, supervisor)
         if not self.sent:
             self._mission_clock.pause()
-        self._note("prepare", state, proposal, took_s, took_s, missed=False)
+        self._log(StepKind.PREPARE, state, proposal, took_s, took_s, missed=False)
         return self.sent
 
     def step(self, supervisor: FleetSupervisor, coverage: FlownMap) -> None:
-        """Plan from where everyone will be at the next tick, and send it; too late for that, skip it.
+        """Plan from the fleet's predicted state at the next tick, and send the plan; skip the step if it is too late.
 
         Raises
         ------
         UnknownPlanError
-            Someone flies a plan that this controller did not send.
+            An agent flies a plan that this controller did not send.
         """
         self.sent = False
         clock, tick = self._mission_clock, self._mission_clock.tick
         budget_s = self._control.deadline_fraction * self._control.period_s
         left_s = clock.grid(tick) + budget_s - self._clock.now()
         if left_s < LATEST_START * budget_s:
-            self._steps.skipped += 1
+            self._step_log.skipped += 1
             return
         begun = time.perf_counter()
-        state = supervisor.predicted(clock.grid(tick + 1), clock.planned_start(tick + 1), clock.origin_s)
+        state = supervisor.predict(clock.grid(tick + 1), clock.planned_start(tick + 1), clock.origin_s)
         budget = self._budget_of(left_s / self._speed)
-        thinking = time.perf_counter()
+        law_begun = time.perf_counter()
         try:
             proposal = self._law.step(state, coverage, budget)
         except Exception as error:  # noqa: BLE001 - agents fly on along their verified plans
             self.failures += 1
-            self._tell("step-failed", f"a step failed: {error!r}; the previous plan goes on")
+            self._emit("step-failed", f"a step failed: {error!r}; the previous plan goes on")
             return
-        thought_s = time.perf_counter() - thinking
+        computing_s = time.perf_counter() - law_begun
         if late := self._late(tick):
-            self._tell("late", "a step took too long: its plan is not sent, the previous one goes on")
+            self._emit("late", "a step took too long: its plan is not sent, the previous one goes on")
         else:
             self.sent = self._publish(proposal, state, supervisor)
         took_s = time.perf_counter() - begun
-        self._note("step", state, proposal, thought_s, took_s, missed=late or budget.left_s < 0.0)
+        self._log(StepKind.STEP, state, proposal, computing_s, took_s, missed=late or budget.left_s < 0.0)
 
     def _late(self, tick: int) -> bool:
-        """Return whether agents, who look at their mail once a state period, would find a plan after its start.
+        """Return whether agents, which read their messages once a state period, may find a plan after its start.
 
-        They would refuse it, being elsewhere by then, and all that was planned in the belief that they fly it.
+        They would reject it, not being in its start state by then, and all plans that assume that they fly it.
         """
         found_s = self._clock.now() + self._control.state_period_s
         return found_s > self._mission_clock.grid(tick + 1) + SNAP_S
 
     def _publish(self, proposal: Proposal, state: FleetState, supervisor: FleetSupervisor) -> bool:
-        """Send a proposal, if the safety filter admits it, and tell the law; return whether it was sent."""
-        links, origin_s = supervisor.fleet.links, self._mission_clock.origin_s
+        """Send a proposal, if the safety filter admits it, and inform the law; return whether it was sent."""
+        links, origin_s = supervisor.monitor.links, self._mission_clock.origin_s
         verdict = self._publisher.publish(proposal.trajectory, state, links, origin_s, self._clock.now())
         if not verdict.admitted:
             self.failures += 1
-            self._tell("refused", f"the safety filter refuses a plan: {verdict.reason}; the previous plan goes on")
+            self._emit("refused", f"the safety filter refuses a plan: {verdict.reason}; the previous plan goes on")
             return False
         self.failures = 0
         try:
             self._law.published(proposal.trajectory)
         except Exception as error:  # noqa: BLE001 - it was sent all the same
             self.failures += 1
-            self._tell("step-failed", f"the control law failed on hearing what was sent: {error!r}")
+            self._emit("step-failed", f"the control law failed on hearing what was sent: {error!r}")
         return True
 
-    def _note(
-        self, kind: str, state: FleetState, proposal: Proposal, thought_s: float, took_s: float, *, missed: bool
+    def _log(
+        self, kind: StepKind, state: FleetState, proposal: Proposal, computing_s: float, took_s: float, *, missed: bool
     ) -> None:
-        self._steps.add(Step(kind, state.time, thought_s, took_s, proposal.source.name, proposal.reason, missed))
+        step = Step(kind, state.time, computing_s, took_s, proposal.source.name, proposal.reason, missed)
+        self._step_log.add(step)

@@ -1,4 +1,4 @@
-"""The controller's picture of its agents: who is there, where they are, and how their clocks run."""
+"""Monitors the agents: which are present, their reported states, and the offsets of their clocks."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
 STATE_DEPTH = 1024
 """States kept for each agent between two ticks."""
-LATE_PERIODS = 3.0
-"""A state older than this many state periods is late: the agent is predicted along its plan."""
+STALE_PERIODS = 3.0
+"""A state older than this many state periods is stale: the agent is predicted along its plan."""
 JUMP_M = 0.01
-"""A state may be this much further from the last than the agent's speed allows [m]."""
+"""A position may differ by this much more from the last than the agent's speed limit allows [m]."""
 
 
 @dataclass
 class AgentLink:
-    """What is known of one agent.
+    """The controller's link to one agent: its newest state, and the offset of its clock.
 
-    The offset (controller's clock minus agent's) is the smallest of (received - sent) so far: the message
+    The offset (controller's clock minus agent's) is the smallest of (received - sent) so far: that of the message
     that was delayed least, and no less than `delay_s`. It is frozen while a mission is flown, so that the plans'
-    samples stay on one grid of the agent's clock. `before` is the state before the newest.
+    samples stay on one grid of the agent's clock. `previous` is the state before the newest.
     """
 
     id: str
@@ -40,7 +40,7 @@ class AgentLink:
     noise_m: float = 0.0
     delay_s: float = 0.0
     state: State | None = None
-    before: State | None = None
+    previous: State | None = None
     _smallest: float = np.inf
     _frozen: float | None = None
     retired: set[str] = field(default_factory=set)
@@ -50,37 +50,37 @@ class AgentLink:
         """Controller's clock minus agent's clock [s]."""
         return self._smallest if self._frozen is None else self._frozen
 
-    def freeze(self) -> None:
+    def freeze_offset(self) -> None:
         """Keep the offset as it is."""
         self._frozen = self._smallest
 
     def accept(self, state: State, received_s: float) -> bool:
-        """Take in a state; return whether the agent began a new life.
+        """Take in a state; return whether it is the first of a new process of the agent.
 
         Raises
         ------
         RejectedError
-            It is of a former life, old, repeated, or nowhere that the agent can be.
+            It is of a former process, old, repeated, or of a position that the agent cannot have reached.
         """
-        reborn = self.state is None or state.instance != self.state.instance
-        if reborn:
+        restarted = self.state is None or state.instance != self.state.instance
+        if restarted:
             self._begin(state)
         else:
             self._check(state)
-        self.before, self.state = None if reborn else self.state, state
+        self.previous, self.state = None if restarted else self.state, state
         self._smallest = min(self._smallest, received_s - state.time_s - self.delay_s)
-        return reborn
+        return restarted
 
     def measured_s(self) -> float:
         """When the newest state was measured, in the controller's clock [s]; -inf before the first."""
         return self.state.time_s + self.offset if self.state else -np.inf
 
-    def silent_s(self, now_s: float) -> float:
-        """Return for how long nothing was heard that should have been [s]; inf before the first."""
+    def silence_s(self, now_s: float) -> float:
+        """Return for how long nothing was heard, beyond the delay of reports [s]; inf before the first."""
         return now_s - self.measured_s() - self.delay_s
 
     def planned(self) -> tuple[FloatArray, FloatArray]:
-        """Return where its plans have it, (d,) [m], [m/s]: measured, unless it tells that it tracks a reference."""
+        """Return its state by its plans, (d,) [m], [m/s]: the reference that it tracks, else the measured state."""
         assert self.state is not None
         position, velocity = self.state.reference_position, self.state.reference_velocity
         if position is None or velocity is None:
@@ -88,7 +88,7 @@ class AgentLink:
         return np.array(position), np.array(velocity)
 
     def measured(self) -> tuple[FloatArray, FloatArray]:
-        """Return where it measured that it is, (d,) [m], [m/s]."""
+        """Return its measured state, (d,) [m], [m/s]."""
         assert self.state is not None
         return np.array(self.state.position), np.array(self.state.velocity)
 
@@ -112,9 +112,15 @@ class AgentLink:
 class FleetMonitor:
     """All agents of a mission, in the order of its arrays.
 
-    `speed` is that of the controller's clock; `history` is how many past states of each agent to ask for.
-    `earlier_versions` are the fingerprints of what this mission was before, for the same fleet: an agent may know any
-    of them, for its own limits and box are good for this one, too.
+    `speed` is that of the controller's clock; `history` is how many past states of each agent to request.
+    `earlier_versions` are the fingerprints of earlier versions of this mission for the same fleet: an agent may have
+    any of them, as its own limits and box are valid for this one, too.
+
+    Attributes
+    ----------
+    links : the link to each agent.
+    rejected : states that were rejected, by reason.
+    restarted : ids of the agents whose process was seen for the first time in the last `receive`.
     """
 
     def __init__(self, mission: Mission, transport: Transport, speed: float = 1.0, *, history: int = 0) -> None:
@@ -125,7 +131,7 @@ class FleetMonitor:
             for name, speed in zip(fleet.ids, fleet.speed_max, strict=True)
         ]
         self.rejected: Counter[Reason] = Counter()
-        self.reborn: list[str] = []
+        self.restarted: list[str] = []
         self._known: dict[str, int] = {}
         self._index = {name: index for index, name in enumerate(fleet.ids)}
         self._shape = fleet.start.shape
@@ -136,18 +142,18 @@ class FleetMonitor:
         self._states = transport.inbox(keys.state(), STATE_DEPTH * fleet.size, history=history)
         self._presence = transport.presence(keys.agent_alive())
 
-    def take_up(self, mission: Mission) -> None:
-        """Go on with another version of the mission for the same fleet, whose agents know what it was before."""
+    def set_mission(self, mission: Mission) -> None:
+        """Go on with another version of the mission for the same fleet, whose agents have the earlier version."""
         self.earlier_versions = [*dict.fromkeys([*self.earlier_versions, self._mission])]
         self._mission = mission_hash(mission)
 
     def on_earlier_versions(self) -> list[str]:
-        """Return the ids of those that know what the mission was before."""
+        """Return the ids of the agents that have an earlier version of the mission."""
         earlier = set(self.earlier_versions) - {self._mission}
         return [link.id for link in self.links if link.state and link.state.mission in earlier]
 
-    def skip(self, heard: dict[str, int]) -> None:
-        """Measure nothing from states up to these numbers, by the agent's instance: they were taken in before."""
+    def skip_measured(self, heard: dict[str, int]) -> None:
+        """Return no measurements from states up to these numbers, by the agent's instance: they are in the map."""
         self._known = dict(heard)
 
     def receive(self) -> list[tuple[FloatArray, FloatArray]]:
@@ -156,7 +162,7 @@ class FleetMonitor:
         Every accepted state is in one of them; rows of agents without one are NaN, their times -inf.
         """
         measured: list[list[State]] = [[] for _ in self.links]
-        self.reborn = []
+        self.restarted = []
         for item in self._states.drain():
             try:
                 index, state = self._accept(item)
@@ -173,7 +179,7 @@ class FleetMonitor:
         if index < 0 or agent_of(item.key) != state.agent:
             raise RejectedError(Reason.WRONG_AGENT, f"{state.agent} on {item.key}")
         if self.links[index].accept(state, item.received_s):
-            self.reborn.append(state.agent)
+            self.restarted.append(state.agent)
         return index, state
 
     def _round(self, measured: list[list[State]], number: int) -> tuple[FloatArray, FloatArray]:
@@ -190,35 +196,35 @@ class FleetMonitor:
         alive = {agent_of(key) for key in self._presence.alive()}
         return [link.id for link in self.links if link.id in alive]
 
-    def token_went_s(self, link: AgentLink) -> float:
-        """Return when an agent's liveliness token went last, by the controller's clock [s]; -inf when it never did."""
-        return self._presence.gone_s(self._keys.agent_alive(link.id))
+    def token_lost_s(self, link: AgentLink) -> float:
+        """Return when an agent's liveliness token was lost last, by the controller's clock [s]; -inf if never."""
+        return self._presence.lost_s(self._keys.agent_alive(link.id))
 
-    def late(self, now_s: float, than_s: float | None = None) -> list[str]:
-        """Return the ids whose newest state is older than three state periods, or than `than_s`."""
-        limit = LATE_PERIODS * self._state_period if than_s is None else than_s
-        return [link.id for link in self.links if link.silent_s(now_s) > limit]
+    def stale(self, now_s: float, timeout_s: float | None = None) -> list[str]:
+        """Return the ids whose newest state is older than three state periods, or than a timeout [s]."""
+        limit = STALE_PERIODS * self._state_period if timeout_s is None else timeout_s
+        return [link.id for link in self.links if link.silence_s(now_s) > limit]
 
-    def awaited(self, now_s: float, patience_s: float) -> dict[str, str]:
-        """Return, by id, what is still missing before each is here, heard just now, and at rest."""
-        present, late = set(self.present()), set(self.late(now_s, patience_s))
-        missing = {}
+    def not_ready(self, now_s: float, patience_s: float) -> dict[str, str]:
+        """Return, by id, why an agent is not ready: not present, not heard just now, or not at rest."""
+        present, stale = set(self.present()), set(self.stale(now_s, patience_s))
+        reasons = {}
         for link in self.links:
-            if link.state is None or link.id not in present or link.id in late:
-                missing[link.id] = f"{link.id} is not here"
+            if link.state is None or link.id not in present or link.id in stale:
+                reasons[link.id] = f"{link.id} is not here"
             elif link.state.mission not in {self._mission, *self.earlier_versions}:
-                missing[link.id] = f"{link.id} has another version of this mission"
+                reasons[link.id] = f"{link.id} has another version of this mission"
             elif link.state.speed != self.speed:
                 own = f"this controller at {self.speed:g}"
-                missing[link.id] = f"{link.id} runs at --speed {link.state.speed:g}, {own}"
+                reasons[link.id] = f"{link.id} runs at --speed {link.state.speed:g}, {own}"
             elif not link.state.at_rest:
-                missing[link.id] = f"{link.id} still moves"
-        return missing
+                reasons[link.id] = f"{link.id} still moves"
+        return reasons
 
     def moving(self, now_s: float) -> list[str]:
         """Return the ids that are heard and not at rest."""
-        late = set(self.late(now_s))
-        return [link.id for link in self.links if link.id not in late and link.state and not link.state.at_rest]
+        stale = set(self.stale(now_s))
+        return [link.id for link in self.links if link.id not in stale and link.state and not link.state.at_rest]
 
     def newest_epoch(self) -> int:
         """Return the highest epoch that any agent flies for; 0 when none does."""
@@ -226,6 +232,6 @@ class FleetMonitor:
         return max((ref.epoch for state in states for ref in (state.plan, state.next_plan) if ref), default=0)
 
     def freeze_clocks(self) -> None:
-        """Keep the clock offsets, as the best known so far, for the flight to come."""
+        """Freeze all clock offsets, as the best estimates so far, for the flight to come."""
         for link in self.links:
-            link.freeze()
+            link.freeze_offset()

@@ -1,4 +1,4 @@
-"""What the controller shows of itself: status and coverage map, out of a finished tick; and events."""
+"""The controller's heartbeat: status, coverage map and events, published at the end of a tick."""
 
 from __future__ import annotations
 
@@ -26,9 +26,15 @@ MAP_REQUESTS = 16
 
 
 class Heartbeat:
-    """Publishes status and, half as often, the map.
+    """Publishes the status and, half as often, the map.
 
-    At most every `period_s` [s] of the clock, but at once when the phase changes. `text` says what is going on.
+    At most every `period_s` [s] of the clock, but at once when the phase changes.
+
+    Attributes
+    ----------
+    text : what the controller is doing, for users.
+    status : the newest status.
+    events : the controller's events.
     """
 
     def __init__(
@@ -49,23 +55,23 @@ class Heartbeat:
         self._clock, self._identity, self._epoch, self._period_s = clock, identity, epoch, period_s
         self._status = transport.publisher(keys.status, bus.STATUS)
         self._map = transport.publisher(keys.map, bus.MAP)
-        self._asked = transport.requests(keys.map, MAP_REQUESTS)
+        self._map_requests = transport.requests(keys.map, MAP_REQUESTS)
         self.events = EventLog("controller", transport.publisher(keys.controller_event, bus.EVENT), clock, say)
         self._due_s = self._map_due_s = -np.inf
         self._seq = 0
 
-    def beat(
+    def publish(
         self,
         phase: Phase,
         mission_time_s: float,
         coverage: FlownMap,
-        steps: StepLog,
-        fleet: FleetMonitor,
+        step_log: StepLog,
+        monitor: FleetMonitor,
         lost: list[str],
     ) -> None:
-        """Tell how things stand."""
+        """Publish the status and the map where they are due, and answer requests for the map."""
         now = self._clock.now()
-        last = steps.last
+        last = step_log.last
         status = Status(
             controller=self._identity,
             epoch=self._epoch,
@@ -74,15 +80,15 @@ class Heartbeat:
             mission_time_s=mission_time_s,
             covered_count=coverage.covered_count,
             cell_count=coverage.cell_count,
-            steps=steps.count,
+            steps=step_log.count,
             step_ms=1e3 * last.computing_time_s if last else 0.0,
             plan_source=last.plan_source if last else "",
             reason=(last.reason if last else "")[:1000],
-            deadline_misses=steps.misses,
-            skipped_ticks=steps.skipped,
-            rejected=fleet.rejected.total(),
+            deadline_misses=step_log.misses,
+            skipped_ticks=step_log.skipped,
+            rejected=monitor.rejected.total(),
             callback_errors=self._transport.callback_errors,
-            present=fleet.present(),
+            present=monitor.present(),
             lost=lost,
             text=self.text[:1000],
         )
@@ -92,11 +98,11 @@ class Heartbeat:
             self._seq += 1
             self._due_s = now + self._period_s
             self._status.publish(encode(status))
-        self._show_map(now, mission_time_s, coverage)
+        self._publish_map(now, mission_time_s, coverage)
 
-    def _show_map(self, now: float, mission_time_s: float, coverage: FlownMap) -> None:
-        asked = self._asked.drain()
-        if not asked and now < self._map_due_s - SNAP_S:
+    def _publish_map(self, now: float, mission_time_s: float, coverage: FlownMap) -> None:
+        requests = self._map_requests.drain()
+        if not requests and now < self._map_due_s - SNAP_S:
             return
         message = MapMessage(
             controller=self._identity,
@@ -107,7 +113,7 @@ class Heartbeat:
             bits=np.packbits(coverage.settled).tobytes().hex(),
         )
         payload = encode(message)
-        for request in asked:
+        for request in requests:
             request.reply(payload)
         if now >= self._map_due_s - SNAP_S:
             self._map_due_s = now + 2.0 * self._period_s

@@ -1,4 +1,4 @@
-"""What the fleet has measured, and when: states in, a marked map out, and what a successor needs to know."""
+"""The measurement update: the agents' reported positions go into the map, and snapshots of it to a later controller."""
 
 from __future__ import annotations
 
@@ -18,10 +18,14 @@ if TYPE_CHECKING:
 
 
 class MeasurementUpdate:
-    """Marks the map from measured positions, in mission time.
+    """Updates the map from measured positions, in mission time.
 
-    With `resume`, the survey of an earlier controller is taken up: its map, what the agents have measured since
-    (they keep a history), and its mission time, by the clock of an agent that both controllers know.
+    With `resume`, it continues that of an earlier controller: its map, what the agents have measured since (they keep
+    a history), and its mission time, by the clock of an agent that both controllers know.
+
+    Attributes
+    ----------
+    monitor : the agents' reports.
     """
 
     def __init__(
@@ -34,37 +38,37 @@ class MeasurementUpdate:
         speed: float,
         resume: Snapshot | None,
     ) -> None:
-        self.fleet = FleetMonitor(mission, transport, speed, history=bus.STATE.history if resume else 0)
+        self.monitor = FleetMonitor(mission, transport, speed, history=bus.STATE.history if resume else 0)
         self._coverage, self._mission_clock = coverage, mission_clock
         self._origins: dict[str, float] = {}
         if resume is not None:
             coverage.restore(resume.map)
             self._origins = dict(resume.origins)
-            self.fleet.skip(resume.heard)
+            self.monitor.skip_measured(resume.heard)
 
-    def take_up(self, mission: Mission, coverage: FlownMap) -> None:
-        """Mark another map from now on, of another version of the mission for the same fleet."""
+    def set_mission(self, mission: Mission, coverage: FlownMap) -> None:
+        """Update another map from now on, of another version of the mission for the same fleet."""
         self._coverage = coverage
-        self.fleet.take_up(mission)
+        self.monitor.set_mission(mission)
 
-    def listen(self) -> None:
-        """Take in the states that arrived, and mark what was measured."""
-        rounds = self.fleet.receive()
-        self._find_origin()
+    def update(self) -> None:
+        """Take in the states that arrived, and update the map with what was measured."""
+        rounds = self.monitor.receive()
+        self._resume_clock()
         for measured_s, position in rounds:
             mission_s = [self._mission_clock.at(time_s) if np.isfinite(time_s) else -np.inf for time_s in measured_s]
             self._coverage.observe(np.array(mission_s), position)
 
     def snapshot(self, lost: dict[str, list[float]], *, finished: bool) -> Snapshot:
-        """Return how far the mission is; `lost` says where who is lost rests."""
-        heard = {link.state.instance: link.state.seq for link in self.fleet.links if link.state}
+        """Return the progress of the mission; `lost` is where lost agents rest, (d,) [m], by id."""
+        heard = {link.state.instance: link.state.seq for link in self.monitor.links if link.state}
         origins = self._agent_origins()
-        now_s, versions = self._mission_clock.now(), self.fleet.earlier_versions
+        now_s, versions = self._mission_clock.now(), self.monitor.earlier_versions
         return Snapshot(now_s, self._coverage.state(), finished, origins, lost, heard, versions)
 
-    def _find_origin(self) -> None:
-        """Let mission time run on as it did under the controller before."""
-        for link in self.fleet.links if self._origins else ():
+    def _resume_clock(self) -> None:
+        """Let mission time continue as under the earlier controller, once an agent that it knew has reported."""
+        for link in self.monitor.links if self._origins else ():
             if link.state and link.state.instance in self._origins:
                 self._mission_clock.resume(self._origins[link.state.instance] + link.offset)
                 self._origins = {}
@@ -74,4 +78,4 @@ class MeasurementUpdate:
         if not self._mission_clock.running:
             return self._origins
         origin_s = self._mission_clock.origin_s
-        return {link.state.instance: origin_s - link.offset for link in self.fleet.links if link.state}
+        return {link.state.instance: origin_s - link.offset for link in self.monitor.links if link.state}

@@ -1,4 +1,4 @@
-"""Mission time, and the grid of control ticks: t_k = t_0 + k T_s, never re-based on "now"."""
+"""Mission time, and the grid of control ticks: t_k = t_0 + k T_s, without drift."""
 
 from __future__ import annotations
 
@@ -15,6 +15,11 @@ class MissionClock:
     """Mission time runs while a plan is in force and stands still while the fleet waits for one.
 
     `period_s` is T_s; all times are of `clock` [s] unless they are called mission times.
+
+    Attributes
+    ----------
+    tick : number of the current tick on the grid.
+    due_s : when the next tick is due [s].
     """
 
     def __init__(self, clock: Clock, period_s: float, mission_time_s: float = 0.0) -> None:
@@ -35,7 +40,7 @@ class MissionClock:
 
     @property
     def origin_s(self) -> float:
-        """Where mission time 0 lies on the clock, by the grid being flown [s]."""
+        """Mission time 0 by the clock [s], while mission time runs."""
         return self.grid(0) - self._paused_s
 
     def grid(self, tick: int) -> float:
@@ -48,11 +53,11 @@ class MissionClock:
         return self._paused_s + tick * self._period_s
 
     def pause(self) -> None:
-        """Let mission time stand still."""
+        """Stop mission time."""
         self._paused_s, self._start_s = self.now(), None
 
     def start(self, start_s: float) -> None:
-        """Let mission time run on from `start_s` of the clock, and lay the grid there; the next tick is t_0."""
+        """Let mission time run on from `start_s` of the clock, and start the grid there; the next tick is t_0."""
         self._start_s = start_s
         self.tick = -1
 
@@ -66,7 +71,7 @@ class MissionClock:
         return self._start_s is not None
 
     def next_tick(self) -> int:
-        """Move to the next tick that is not past; return how many were skipped."""
+        """Advance to the next tick that is not past; return how many were skipped."""
         following = self.tick + 1
         passed = math.floor((self._clock.now() - self.grid(0) + SNAP_S) / self._period_s)
         self.tick = max(following, passed)
@@ -74,5 +79,5 @@ class MissionClock:
         return self.tick - following
 
     def next_wait(self, wait_s: float) -> None:
-        """Off the grid: be due in `wait_s`."""
+        """Set the next tick off the grid, `wait_s` from now."""
         self.due_s = self._clock.now() + wait_s

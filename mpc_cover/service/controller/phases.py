@@ -1,4 +1,4 @@
-"""The phases of a mission: what the controller does in each, and what leads from one to the next.
+"""The state machine of a mission's phases: what the controller does in each, and the transitions between them.
 
 waiting -> planning -> flying -> complete
 ^------- regroup ------+----> failed
@@ -30,20 +30,20 @@ MAX_FAILURES = 3
 
 
 class MissionPhases:
-    """The phase that a mission is in.
+    """The state machine of a mission.
 
     Parameters
     ----------
-    supervisor, control_step, heartbeat : who is there, who plans and sends, and who tells.
-    mission_clock, clock : when.
+    supervisor, control_step, heartbeat : supervises the agents, plans and sends, and reports the phase.
+    mission_clock, clock : mission time, and the controller's clock.
     stay : whether to keep answering after the mission is complete.
-    patience_s : an agent that is awaited must have been heard within this time [s].
-    listen : takes in what arrived while something took long.
+    patience_s : an agent must have been heard within this time to be ready [s].
+    receive : takes in the reports that arrived during a long computation.
     paused : whether the fleet is to wait.
 
     Attributes
     ----------
-    phase : where the mission is.
+    phase : the current phase.
     done : whether nothing is left to do.
     """
 
@@ -57,50 +57,53 @@ class MissionPhases:
         *,
         stay: bool,
         patience_s: float,
-        listen: Callable[[], None],
+        receive: Callable[[], None],
         paused: Callable[[], bool],
     ) -> None:
         self.phase, self.done = Phase.WAITING, False
         self._supervisor, self._control_step, self._heartbeat = supervisor, control_step, heartbeat
         self._mission_clock, self._clock = mission_clock, clock
-        self._stay, self._patience_s, self._listen, self._paused = stay, patience_s, listen, paused
+        self._stay, self._patience_s, self._receive, self._paused = stay, patience_s, receive, paused
         self._flown = False
 
-    def take_up(self, mission: Mission, law: ControlLaw, coverage: FlownMap) -> None:
-        """Go on with a version of a mission, its law and its map."""
+    def set_mission(self, mission: Mission, law: ControlLaw, coverage: FlownMap) -> None:
+        """Continue with a version of the mission, its law and its map."""
         self._law, self._coverage, self.done = law, coverage, False
         self._horizon_s = mission.spec.control.horizon_steps * mission.spec.control.period_s
         self._completion = Completion(mission, coverage, self._supervisor, self._mission_clock)
 
-    def act(self, *, asleep: bool) -> None:
-        """Do what is due in this phase; who was `asleep` itself cannot tell at once who else was silent."""
+    def act(self, *, stalled: bool) -> None:
+        """Do what is due in this phase.
+
+        A controller that was itself `stalled` cannot tell yet which agents are silent.
+        """
         match self.phase:
             case Phase.WAITING:
                 self._wait()
             case Phase.PLANNING:
                 self._plan()
             case Phase.FLYING:
-                self._fly(asleep=asleep)
+                self._fly(stalled=stalled)
             case _:
-                self._land()
+                self._wait_for_rest()
 
     def enter(self, phase: Phase, text: str) -> None:
-        """Go over to a phase, and tell why."""
+        """Change to a phase, and report why."""
         self.phase = phase
         self._heartbeat.text = text
-        self._heartbeat.events.tell(f"phase-{phase}", text)
+        self._heartbeat.events.emit(f"phase-{phase}", text)
 
     def regroup(self, why: str) -> None:
-        """Let everyone finish its plan, and wait for all to be at rest, for whom failures are counted anew."""
+        """Let all agents finish their plans, and wait for them to be at rest; failures are counted anew then."""
         self._control_step.failures = 0
         self.enter(Phase.WAITING, f"{why}: everyone finishes its plan and waits")
 
     def _wait(self) -> None:
         if self._flown:
             self._supervisor.assess(self._clock.now(), self._patience_s)
-        missing = self._missing()
-        if missing or self._paused():
-            self._heartbeat.text = missing or "paused"
+        not_ready = self._not_ready()
+        if not_ready or self._paused():
+            self._heartbeat.text = not_ready or "paused"
             return
         self._mission_clock.pause()
         if self._completion.nothing_left:
@@ -109,19 +112,19 @@ class MissionPhases:
             self.enter(Phase.PLANNING, "plans thoroughly while everyone is at rest")
 
     def _plan(self) -> None:
-        """Plan thoroughly while everyone is at rest, and take off if all still are."""
-        state = self._supervisor.at_rest(self._mission_clock.now())
+        """Plan thoroughly while the fleet is at rest, and take off if it still is."""
+        state = self._supervisor.state_at_rest(self._mission_clock.now())
         try:
             proposal, took_s = self._control_step.prepare(state, self._coverage)
-        except Exception as error:  # noqa: BLE001 - a bug must not end the daemon without a word
+        except Exception as error:  # noqa: BLE001 - a bug must not end the daemon without a message
             self.enter(Phase.FAILED, f"planning failed: {error!r}")
             return
-        self._listen()
-        missing = self._missing()
-        if missing or self._supervisor.moved_from(state):
-            self.regroup(missing or "someone moved")
+        self._receive()
+        not_ready = self._not_ready()
+        if not_ready or self._supervisor.moved_since(state):
+            self.regroup(not_ready or "someone moved")
             return
-        self._supervisor.tell_versions()
+        self._supervisor.report_earlier_versions()
         if not self._control_step.take_off(proposal, state, self._supervisor, took_s):
             if self._control_step.failures >= MAX_FAILURES:
                 self.enter(Phase.FAILED, f"the safety filter refused {MAX_FAILURES} plans in a row")
@@ -129,11 +132,11 @@ class MissionPhases:
         self._flown = True
         self.enter(Phase.FLYING, "flying")
 
-    def _missing(self) -> str:
-        return "; ".join(self._supervisor.missing(self._clock.now(), self._patience_s))
+    def _not_ready(self) -> str:
+        return "; ".join(self._supervisor.not_ready(self._clock.now(), self._patience_s))
 
-    def _fly(self, *, asleep: bool) -> None:
-        if not asleep and (why := self._supervisor.assess(self._clock.now(), self._patience_s)):
+    def _fly(self, *, stalled: bool) -> None:
+        if not stalled and (why := self._supervisor.assess(self._clock.now(), self._patience_s)):
             self.regroup(why)
             return
         if self._over():
@@ -166,9 +169,10 @@ class MissionPhases:
         self.enter(*self._completion.ending())
         self.done = self.phase is Phase.COMPLETE and not self._stay
 
-    def _land(self) -> None:
-        """Nothing new is sent; wait until everyone that is heard has finished its plan."""
-        staying, moving = self._stay and self.phase is Phase.COMPLETE, self._supervisor.fleet.moving(self._clock.now())
+    def _wait_for_rest(self) -> None:
+        """Send nothing; wait until all agents that are heard have finished their plans."""
+        staying = self._stay and self.phase is Phase.COMPLETE
+        moving = self._supervisor.monitor.moving(self._clock.now())
         self.done = not staying and not moving
         if staying and not moving:
             self._mission_clock.pause()

@@ -1,6 +1,6 @@
-"""Publishes plans: judged by the safety filter, cut for each agent, sent in its clock, and remembered.
+"""Publishes plans: those that the safety filter admits, to each agent its part, in the agent's clock.
 
-Nothing else sends a plan.
+No other module sends plans. Those sent are remembered, to predict what each agent flies.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ if TYPE_CHECKING:
     from mpc_cover.service.protocol.bus import Transport
 
 REMEMBERED = 16
-"""Plans kept for each agent: under loss it may still fly an older one."""
+"""Plans remembered for each agent: under message loss it may still fly an older one."""
 
 
 class UnknownPlanError(Exception):
-    """An agent flies a plan that this controller did not send, or sent too long ago."""
+    """An agent flies a plan that this controller did not send, or no longer remembers."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sent:
-    """A plan sent, and when by the controller's clock [s]."""
+    """A plan that was sent, and when by the controller's clock [s]."""
 
     plan: ScheduledPlan
     sent_s: float
 
 
 class PlanPublisher:
-    """Sends plans that the safety filter admits, and knows what each agent flies."""
+    """Sends plans that the safety filter admits, and returns what each agent flies."""
 
     def __init__(self, mission: Mission, transport: Transport, epoch: int, controller: str) -> None:
         self._filter = SafetyFilter(mission)
@@ -57,9 +57,9 @@ class PlanPublisher:
     def publish(
         self, trajectory: Trajectory, state: FleetState, links: list[AgentLink], origin_s: float, now_s: float
     ) -> Verdict:
-        """Send each agent that takes part its plan, if the safety filter admits the trajectory from this state.
+        """Send each agent that is not lost its plan, if the safety filter admits the trajectory from this state.
 
-        Mission time 0 is at `origin_s` of the controller's clock, now is `now_s` [s].
+        Mission time 0 is at `origin_s` of the controller's clock, the present is `now_s` [s].
         """
         verdict = self._filter.admit(trajectory, state, self._incumbent)
         if not verdict.admitted:
@@ -67,23 +67,23 @@ class PlanPublisher:
         for index, link in enumerate(links):
             if state.lost[index]:
                 continue
-            message = self._cut(trajectory, index, link, origin_s)
+            message = self._message(trajectory, index, link, origin_s)
             self._sent[index].append(Sent(plan_in(message), now_s))
             self._publishers[index].publish(encode(message))
         self._incumbent = trajectory
         self._seq += 1
         return verdict
 
-    def take_up(self, mission: Mission) -> None:
-        """Judge by another version of the mission from now on, for the same fleet."""
+    def set_mission(self, mission: Mission) -> None:
+        """Filter by another version of the mission from now on, for the same fleet."""
         self._filter = SafetyFilter(mission)
 
     def forget(self, index: int) -> None:
-        """Forget what was sent to agent number `index`: another one has taken its place."""
+        """Forget what was sent to agent number `index`: another process has replaced it."""
         self._sent[index].clear()
 
     def schedule(self, index: int, link: AgentLink) -> Schedule:
-        """Return what an agent flies and will fly, by its own report.
+        """Return the plans that an agent flies and will fly, by its own report and by what was sent since.
 
         Raises
         ------
@@ -99,9 +99,9 @@ class PlanPublisher:
         return schedule
 
     def _unreported(self, index: int, link: AgentLink, reported: set[PlanRef | None]) -> list[ScheduledPlan]:
-        """Return the plans sent since: agents look at their mail once a state period, so they may well have them.
+        """Return the plans sent since the report: agents read messages once a state period, so they may have them.
 
-        Not one that the agent says it turned away: what starts where that one leads is turned away as well.
+        Without one that the agent says it rejected, as the plans that start from its states are rejected as well.
         """
         assert link.state is not None
         since: list[ScheduledPlan] = []
@@ -120,7 +120,7 @@ class PlanPublisher:
                 return sent.plan
         raise UnknownPlanError(f"epoch {ref.epoch}, plan {ref.seq}")
 
-    def _cut(self, plan: Trajectory, index: int, link: AgentLink, origin_s: float) -> PlanMessage:
+    def _message(self, plan: Trajectory, index: int, link: AgentLink, origin_s: float) -> PlanMessage:
         assert link.state is not None
         start_s = origin_s + plan.start_time - link.offset
         return PlanMessage(

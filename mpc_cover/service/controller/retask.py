@@ -1,4 +1,4 @@
-"""Another version of the mission for the same fleet in flight: what may change, and what of the map still holds.
+"""Retasks a fleet in flight with another version of its mission: what may change, and what of the map stays valid.
 
 Agents are not restarted: their limits and the box that they stay in are those of the mission that they were started
 with. So the area within that box, what counts as measured, and the controller's times may change; the fleet may not.
@@ -16,7 +16,12 @@ from mpc_cover.errors import InvalidInputError, Problem, UserError
 from mpc_cover.information.build import make_map, true_field
 from mpc_cover.information.flight_map import FlightMap
 from mpc_cover.mission.fleet import agent_input_max, agent_radii, agent_value
-from mpc_cover.mission.information import AgeingInformation, EffectiveInformation, KalmanInformation
+from mpc_cover.mission.information import (
+    AgeingInformation,
+    EffectiveInformation,
+    InformationKind,
+    KalmanInformation,
+)
 from mpc_cover.mission.load import mission_from_json
 from mpc_cover.service.controller.commands import Decision
 
@@ -44,7 +49,7 @@ _STAYS = "as agents know it: to change it, start serve and its agents anew"
 
 @dataclass(frozen=True, eq=False)
 class Retask:
-    """A mission to take up, a law for it, and a map that holds what is known from before."""
+    """The mission to continue with, a law for it, and a map with what is known from before."""
 
     mission: Mission
     law: ControlLaw
@@ -54,7 +59,7 @@ class Retask:
 def consider_retask(
     text: str, current: Mission, coverage: FlownMap, time_s: float, law_for: Callable[[Mission], ControlLaw]
 ) -> tuple[Retask | None, Decision]:
-    """Return what a controller needs to go on with another version of its mission, or None; and what to reply.
+    """Return what a controller needs to continue with another version of its mission, or None; and the reply.
 
     Parameters
     ----------
@@ -73,7 +78,7 @@ def consider_retask(
         return None, Decision(accepted=False, text="refused", problems=tuple(map(str, error.problems)))
     except UserError as error:
         return None, Decision(accepted=False, text=f"refused: {error}")
-    except Exception as error:  # noqa: BLE001 - what cannot be planned for must not end what is flown
+    except Exception as error:  # noqa: BLE001 - a mission that cannot be planned must not end the current one
         return None, Decision(accepted=False, text=f"refused: {error!r}")
     covered, cells = known.covered_count, known.cell_count
     text = f"{covered} of {cells} cells are covered already; everyone comes to rest, and the rest is planned for"
@@ -97,7 +102,7 @@ def retasked(text: str, current: Mission, time_s: float) -> Mission:
 
 
 def retask_problems(current: Mission, other: Mission, time_s: float) -> Iterator[Problem]:
-    """Yield whatever keeps a fleet that flies one version of a mission, at `time_s` [s] of it, from flying another."""
+    """Yield why a fleet that flies one version of a mission, at `time_s` [s] of it, cannot fly another."""
     old, new = current.spec, other.spec
     if new.name != old.name:
         yield Problem("name", new.name, f"must be {old.name}, the mission that this controller flies")
@@ -125,7 +130,7 @@ def retask_problems(current: Mission, other: Mission, time_s: float) -> Iterator
 def _limit_problems(
     old: MissionSpec, new: MissionSpec, agents: tuple[AgentSpec, AgentSpec], where: str
 ) -> Iterator[Problem]:
-    """Compare what an agent can do, however it is written."""
+    """Compare an agent's limits, however they are written."""
     before, after = agents
     values = {
         "speed_max_m_per_s": (
@@ -141,7 +146,7 @@ def _limit_problems(
 
 
 def _box_problems(current: Mission, other: Mission) -> Iterator[Problem]:
-    """Agents refuse plans that leave the box of the mission file that they were started with."""
+    """Compare the boxes: agents reject plans that leave the box of the mission that they were started with."""
     why = "the box that agents stay in may shrink, not grow; left out, it is the area's bounding box"
     low, high = current.fleet.motion_min, current.fleet.motion_max
     if (other.fleet.motion_min < low).any():
@@ -153,14 +158,14 @@ def _box_problems(current: Mission, other: Mission) -> Iterator[Problem]:
 def carry_over(old: Mission, state: Mapping[str, FloatArray], new: Mission, time_s: float) -> dict[str, FloatArray]:
     """Return the state of a map for `new` that knows what a map for `old` knew of the cells that both have.
 
-    Cells are the same where their centroids are, whatever their size and weight. Only maps whose looks mean the same
-    are carried over; by how many looks, or which level, variance or age a cell is settled may differ.
+    Cells with the same centroid are the same, whatever their size and weight. Only maps whose looks mean the same
+    are carried over; the number of looks, level, variance or age at which a cell is settled may differ.
 
     Parameters
     ----------
     old, state : a mission, and what `FlownMap.state` of its map returned.
-    new : the same fleet's.
-    time_s : mission time [s], at which cells are settled of which less is asked now.
+    new : the other version of it.
+    time_s : mission time [s], at which cells become settled of which less is asked now.
     """
     fresh = make_map(new)
     kept = _begun_at(fresh.state(), time_s)
@@ -179,7 +184,7 @@ def carry_over(old: Mission, state: Mapping[str, FloatArray], new: Mission, time
 
 
 def _begun_at(state: dict[str, FloatArray], time_s: float) -> dict[str, FloatArray]:
-    """Let a patrol begin at a mission time [s]; other maps have no beginning."""
+    """Let a patrol begin at a mission time [s]; other maps have no start time."""
     if "clock" in state:
         state["last"][:] = time_s
         state["clock"] = np.array([time_s, time_s, 0.0])
@@ -187,7 +192,7 @@ def _begun_at(state: dict[str, FloatArray], time_s: float) -> dict[str, FloatArr
 
 
 def _known_cells(old: Mission, new: Mission) -> tuple[IntArray, IntArray]:
-    """Return (n,), (n,): by number in each mission, the cells of both whose looks mean the same."""
+    """Return (n,), (n,): the numbers in each mission of the cells that both have, if their looks mean the same."""
     before, here = _same_cells(old.field, new.field)
     if _meaning(old.spec) != _meaning(new.spec):
         return before[:0], here[:0]
@@ -205,19 +210,19 @@ def _same_cells(old: Field, new: Field) -> tuple[IntArray, IntArray]:
 
 
 def _meaning(spec: MissionSpec) -> tuple[object, ...]:
-    """Return what a look at a cell adds; what it must come to is another matter."""
+    """Return what determines the information that a look adds, without how much of it is asked for."""
     match spec.information:
         case EffectiveInformation() as given:
-            return "effective", given.peak, given.least
+            return given.kind, given.peak, given.least
         case KalmanInformation() as given:
-            return "kalman", given.noise_variance, given.prior_variance, given.prior_mean, given.field
-        case AgeingInformation():
-            return ("ageing",)
-    return ("looks" if spec.looks_again else "coverage",)
+            return given.kind, given.noise_variance, given.prior_variance, given.prior_mean, given.field
+        case AgeingInformation() as given:
+            return (given.kind,)
+    return (InformationKind.LOOKS if spec.looks_again else InformationKind.COVERAGE,)
 
 
 def _renumbered(recent: FloatArray, before: IntArray, here: IntArray, cells: int, others: int) -> FloatArray:
-    """Return (3, n) looks that were taken just now, at (magnitude, cell) places, for a map with other cells."""
+    """Return (3, n) recent looks with their (magnitude, cell) places renumbered for a map with other cells."""
     number = np.full(cells, -1, dtype=np.intp)
     number[before] = here
     row, cell = np.divmod(recent[1].astype(np.intp), cells)
@@ -228,7 +233,7 @@ def _renumbered(recent: FloatArray, before: IntArray, here: IntArray, cells: int
 
 
 def _settle(inner: ResidualMap, time_s: float) -> None:
-    """Say anew when places were settled: what is owed again never, what is not owed any more now [s]."""
+    """Recompute when places were settled: never where they are owed again, now [s] where they are not any more."""
     owed = inner.residual > 0.0
     inner.done_at[owed] = np.inf
     inner.done_at[~owed & np.isinf(inner.done_at)] = time_s

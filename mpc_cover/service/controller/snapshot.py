@@ -1,4 +1,4 @@
-"""What a controller keeps for its successor."""
+"""Snapshots of a mission's progress, from which a later controller process resumes."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """How far a mission is.
+    """The progress of a mission.
 
     Attributes
     ----------
     mission_time_s : [s].
     map : the arrays of what was measured, see `information.demand.FlownMap.state`.
     finished : whether it is over.
-    origins : for each agent's instance, where mission time 0 lies on its clock [s]; empty while nobody flies.
-    lost : where agents rest that were lost, (d,) [m], by id.
-    heard : for each agent's instance, the number of the last state that the map knows.
-    versions : fingerprints of what the mission was before, for the same fleet: its agents may know any of them.
+    origins : for each agent's instance, mission time 0 by its clock [s]; empty while no mission is flown.
+    lost : where lost agents rest, (d,) [m], by id.
+    heard : for each agent's instance, the number of the last state in the map.
+    versions : fingerprints of earlier versions of the mission for the same fleet: its agents may have any of them.
     """
 
     mission_time_s: float
@@ -38,26 +38,26 @@ class CheckpointStore(Protocol):
     """Keeps the newest snapshot."""
 
     def save(self, snapshot: Snapshot, *, now: bool) -> str | None:
-        """Keep it, at once or when it is due; return what went wrong, if anything: the control goes on."""
+        """Keep it, at once or when it is due; return an error message, if any: control goes on."""
         ...
 
-    def take_up(self, mission: Mission) -> None:
+    def set_mission(self, mission: Mission) -> None:
         """Keep snapshots of another version of the mission from now on."""
         ...
 
     def close(self) -> None:
-        """Let go of the place where it is kept."""
+        """Release the storage."""
         ...
 
 
 class NoCheckpoints:
-    """Keeps nothing: simulations."""
+    """Keeps no snapshots, for simulations."""
 
     def save(self, snapshot: Snapshot, *, now: bool) -> str | None:  # noqa: ARG002 - nothing is kept
         """Do nothing."""
         return None
 
-    def take_up(self, mission: Mission) -> None:
+    def set_mission(self, mission: Mission) -> None:
         """Do nothing."""
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""How fast agents really are: a slow one does not know it, but shows it."""
+"""Estimates the speeds that agents reach, from their reports: a slow agent does not know that it is slow."""
 
 from __future__ import annotations
 
@@ -18,53 +18,57 @@ if TYPE_CHECKING:
 SHORT = 0.03
 """Part of its limit by which an agent's speed must fall short of its reference's, beyond the tube's."""
 STEADY = 0.02
-"""Part of its limit by which the speeds of two reports may differ at a speed that is held."""
+"""Part of its limit by which the speeds of two reports may differ at a constant speed."""
 KEPT = 0.97
-"""Part of the speed that was seen which plans may ask for: the rest is for catching up."""
+"""Part of the estimated speed that plans may ask for: the rest is for catching up."""
 SLOWEST = 0.05
-"""Nobody is thought slower than this part of its limit."""
+"""Smallest estimate, as a part of the limit."""
 
 
 class SpeedEstimator:
-    """Which part of its speed limit each agent reaches, as far as it has shown: `part` (m,), 1 at first.
+    """Estimates the share of its speed limit that each agent reaches.
 
-    An agent at the end of its powers lags behind its reference at a speed that it holds, while the reference is
-    faster: seen in two reports in a row, that speed is what it can do.
+    An agent at its true limit lags behind its reference at a constant speed, while the reference is faster: seen in
+    two reports in a row, that speed is its true limit.
+
+    Attributes
+    ----------
+    share : (m,) of the speed limit that plans may ask for, 1 at first.
     """
 
     def __init__(self, mission: Mission) -> None:
-        self.part: FloatArray = np.ones(mission.fleet.size)
+        self.share: FloatArray = np.ones(mission.fleet.size)
         self._speed_max = mission.fleet.speed_max
         self._disturbed = disturbs_motion(mission.spec.disturbance)
         self._tube_speed = tube_of(mission).velocity_m_per_s if self._disturbed else 0.0
 
-    def learn(self, index: int, link: AgentLink) -> bool:
-        """Look at the newest two reports of agent number `index`; return whether it is slower than thought."""
-        if link.state is None or link.before is None:
+    def update(self, index: int, link: AgentLink) -> bool:
+        """Update by the newest two reports of agent number `index`; return whether it is slower than estimated."""
+        if link.state is None or link.previous is None:
             return False
         limit = float(self._speed_max[index])
-        now, earlier = _speed(link.state), _speed(link.before)
-        held = abs(now - earlier) <= STEADY * limit
-        if not held or not self._lags(index, link.state) or not self._lags(index, link.before):
+        now, earlier = _speed(link.state), _speed(link.previous)
+        steady = abs(now - earlier) <= STEADY * limit
+        if not steady or not self._lags(index, link.state) or not self._lags(index, link.previous):
             return False
-        part = max(SLOWEST, KEPT * max(now, earlier) / limit)
-        slower = part < float(self.part[index])
-        self.part[index] = min(part, float(self.part[index]))
+        share = max(SLOWEST, KEPT * max(now, earlier) / limit)
+        slower = share < float(self.share[index])
+        self.share[index] = min(share, float(self.share[index]))
         return slower
 
     def speed_max(self, index: int, link: AgentLink) -> float:
-        """Return what agent number `index` can reach [m/s] by all that it has shown; inf when that is nothing.
+        """Return the speed that agent number `index` reaches by its reports so far [m/s]; inf when unknown.
 
-        Whoever lags is not expected to speed up, even before it is certain that it cannot.
+        An agent that lags is not expected to speed up, even before it is certain that it cannot.
         """
-        part = float(self.part[index])
-        if part < 1.0:
-            return part / KEPT * float(self._speed_max[index])
+        share = float(self.share[index])
+        if share < 1.0:
+            return share / KEPT * float(self._speed_max[index])
         return _speed(link.state) if link.state is not None and self._lags(index, link.state) else np.inf
 
-    def forget(self, index: int) -> None:
-        """Think of agent number `index` as of a new one."""
-        self.part[index] = 1.0
+    def reset(self, index: int) -> None:
+        """Discard the estimate for agent number `index`."""
+        self.share[index] = 1.0
 
     def _lags(self, index: int, state: State) -> bool:
         """Return whether an agent is behind a reference that is faster."""

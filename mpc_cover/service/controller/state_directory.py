@@ -1,4 +1,4 @@
-"""The folder that outlives a controller: a lock, a counter of epochs, and the newest two checkpoints."""
+"""The controller's persistent folder: a lock, a counter of epochs, and the newest two checkpoints."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def write_durably(path: Path, data: bytes) -> None:
 
 
 class StateDirectory:
-    """A locked state directory; the system lets go of the lock when the process ends, however it ends."""
+    """A locked state directory; the system releases the lock when the process ends, however it ends."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -71,7 +71,7 @@ class StateDirectory:
         self._lock.close()
 
     def next_epoch(self) -> int:
-        """Count up, durably, and return this controller's epoch: higher than all before it.
+        """Increment the counter durably, and return this controller's epoch: higher than all before it.
 
         Raises
         ------

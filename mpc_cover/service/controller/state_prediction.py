@@ -1,4 +1,4 @@
-"""Where an agent will be: along its plans if it keeps to them, else along what it can do to get back to them."""
+"""Predicts the states of agents: along their plans, or for agents off track by the feedback that leads back to them."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 
 class StatePredictor:
-    """Predicts agents from their newest states, to times of the controller's clock.
+    """Predicts agents from their newest reports, to times of the controller's clock.
 
-    An agent within its tube is predicted along its reference, as the tube is what plans keep clear of others; one
-    outside it, from where it measured itself, without noise and wind, by the feedback that it flies with.
+    An agent within its tube is predicted along its reference, as plans keep the tubes of agents apart; one outside
+    it, from its measured state, without noise and wind, by the feedback that it flies with.
     """
 
     def __init__(self, mission: Mission, plan_publisher: PlanPublisher) -> None:
@@ -36,15 +36,15 @@ class StatePredictor:
         self._state_period_s = mission.spec.control.state_period_s
         self._tracking = tracking_of(mission) if disturbs_motion(mission.spec.disturbance) else None
 
-    def strays(self, link: AgentLink) -> bool:
-        """Return whether an agent measures itself outside its tube."""
+    def off_track(self, link: AgentLink) -> bool:
+        """Return whether an agent's measured state is outside its tube."""
         if self._tracking is None:
             return False
         (here, now), (position, velocity) = link.measured(), link.planned()
         return not self._tracking.contains(here - position, now - velocity, START_TOLERANCE)
 
-    def ahead(self, index: int, link: AgentLink, time_s: float, speed_max: float) -> MotionState:
-        """Return where agent number `index` will be, if it reaches `speed_max` [m/s] at most.
+    def predict(self, index: int, link: AgentLink, time_s: float, speed_max: float) -> MotionState:
+        """Return the state of agent number `index` at `time_s`, if it reaches `speed_max` [m/s] at most.
 
         Raises
         ------
@@ -56,7 +56,7 @@ class StatePredictor:
         if self._tracking is None:
             return predict(Plant(link.state.time_s, *link.measured()), schedule, at_s)
         reference = Reference(link.state.time_s, *link.planned(), flown=schedule.flown)
-        if not self.strays(link):
+        if not self.off_track(link):
             return predict(reference, schedule, at_s)
         vehicle = TrackingVehicle(
             reference,
@@ -69,20 +69,20 @@ class StatePredictor:
         vehicle.advance(at_s, schedule)
         return vehicle.truth
 
-    def braked(self, index: int, link: AgentLink, time_s: float, died_s: float) -> MotionState:
-        """Return where agent number `index` is at `time_s` when it has braked hardest ever since it died."""
+    def predict_braked(self, index: int, link: AgentLink, time_s: float, died_s: float) -> MotionState:
+        """Return the state of agent number `index` at `time_s` if it brakes with full input since its death."""
         plant = self._at_death(index, link, died_s)
         return predict(plant, Schedule(float(self._input_max[index])), time_s - link.offset)
 
-    def course(self, index: int, link: AgentLink, end_s: float, died_s: float | None) -> MemoryRecorder:
-        """Return the motion of agent number `index` up to `end_s`, as its own clock has it.
+    def motion(self, index: int, link: AgentLink, end_s: float, died_s: float | None) -> MemoryRecorder:
+        """Return the motion of agent number `index` up to `end_s`, in its own clock.
 
-        From its death on as hard as it can brake, or without one along its plans.
+        It brakes with full input since its death, or without one follows its plans.
 
         Raises
         ------
         UnknownPlanError
-            See `ahead`.
+            See `predict`.
         """
         assert link.state is not None
         record = MemoryRecorder()
@@ -96,10 +96,10 @@ class StatePredictor:
         return record
 
     def _at_death(self, index: int, link: AgentLink, died_s: float) -> Plant:
-        """Return an agent as it was when it last moved by its plans.
+        """Return an agent's state when it last moved by its plans.
 
-        That is its newest report; but with delays, those that it had still to send died with it: it flew on until the
-        last state period before its death.
+        That is its newest report; but with delays, reports not sent yet were lost with the process: the agent flew on
+        until the last state period before its death.
         """
         assert link.state is not None
         newest = Plant(link.state.time_s, *link.measured())
@@ -107,23 +107,23 @@ class StatePredictor:
         if link.delay_s == 0.0 or not last_s > newest.time_s:
             return newest
         try:
-            position, velocity = self.ahead(index, link, last_s + link.offset, np.inf)
+            position, velocity = self.predict(index, link, last_s + link.offset, np.inf)
         except UnknownPlanError:
             return newest
         return Plant(last_s, position, velocity)
 
     def settled(self, index: int, link: AgentLink) -> bool:
-        """Return whether an agent does not move, nor will by any plan that was sent.
+        """Return whether an agent is at rest, and has no plan left that moves it.
 
         Raises
         ------
         UnknownPlanError
-            See `ahead`.
+            See `predict`.
         """
         assert link.state is not None
         return self._plan_publisher.schedule(index, link).rests(link.state.time_s, link.planned()[1])
 
 
 def resting(position: FloatArray) -> MotionState:
-    """Return the state of an agent that stands still at (d,) [m]."""
+    """Return the state of an agent at rest at (d,) [m]."""
     return position, np.zeros_like(position)

@@ -1,8 +1,9 @@
-"""What each control step took and which rung it stood on; one JSON value a line when kept in a file."""
+"""The log of control steps: their durations and the sources of their plans; in a file one JSON value per line."""
 
 from __future__ import annotations
 
 from collections import deque
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -17,14 +18,23 @@ KEPT = 100_000
 """Steps kept in memory: a day at 1 Hz."""
 
 
+class StepKind(StrEnum):
+    """The kinds of control steps."""
+
+    PREPARE = "prepare"
+    """Planning while the fleet is at rest."""
+    STEP = "step"
+    """A step in flight."""
+
+
 class Step(msgspec.Struct, frozen=True):
     """One step.
 
-    `kind` is "prepare" or "step"; `computing_time_s` is the brain's, `tick_time_s` includes prediction and
-    publication [s].
+    `computing_time_s` is the control law's, `tick_time_s` includes prediction and publication [s]; `plan_source` is
+    the name of a `PlanSource`.
     """
 
-    kind: str
+    kind: StepKind
     mission_time_s: float
     computing_time_s: float
     tick_time_s: float
@@ -34,7 +44,13 @@ class Step(msgspec.Struct, frozen=True):
 
 
 class StepLog:
-    """Counts, and keeps the times; with a file, each step is handed to the system at once."""
+    """Counts steps, and keeps them in memory; with a file, each is also written unbuffered.
+
+    Attributes
+    ----------
+    steps : the newest steps, in order.
+    skipped, misses, count : ticks without a step, missed deadlines, and steps in flight.
+    """
 
     def __init__(self, path: Path | None = None) -> None:
         self.steps: deque[Step] = deque(maxlen=KEPT)
@@ -47,9 +63,9 @@ class StepLog:
             raise UserError(f"step log {path}: cannot be written: {error.strerror}") from None
 
     def add(self, step: Step) -> None:
-        """Note a step."""
+        """Record a step."""
         self.steps.append(step)
-        self.count += step.kind == "step"
+        self.count += step.kind == StepKind.STEP
         self.misses += step.deadline_missed
         if self._file is None:
             return
@@ -71,7 +87,7 @@ class StepLog:
 
 
 def read_steps(path: Path) -> list[Step]:
-    """Read a step log, without a torn last line; empty when there is none.
+    """Read a step log, without an incomplete last line; empty when there is none.
 
     Raises
     ------

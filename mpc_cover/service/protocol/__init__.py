@@ -1,1 +1,1 @@
-"""What goes over the network: messages, keys, and the bus that carries them."""
+"""The network protocol: messages, keys, and the transports that carry them."""

@@ -1,4 +1,4 @@
-"""What the service needs of a network: `transport.py` does it with Zenoh, `local.py` in memory."""
+"""The interface of a network: `transport.py` implements it with Zenoh, `local.py` in memory."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ class TransportError(UserError):
 
 
 class UnreachableError(TransportError):
-    """Nobody is where the network was to be joined."""
+    """No peer answers at the endpoint to connect to."""
 
 
 class RequestError(Exception):
-    """A request that nobody answered, or that was answered with an error."""
+    """A request without an answer, or answered with an error."""
 
 
 class NoAnswerError(RequestError):
-    """A request that nobody answered in time."""
+    """A request without an answer in time."""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """How a key is published; nothing here ever blocks the publisher.
+    """Quality of service of a key; publishing never blocks.
 
-    `priority` is the name of Zenoh's; `history` is how many samples late joiners are given.
+    `priority` is the name of Zenoh's; `history` is how many samples late joiners receive.
     """
 
     priority: str
@@ -42,7 +42,7 @@ class Quality:
 
 
 STATE = Quality("INTERACTIVE_HIGH", history=600)
-"""With a minute of history: a controller that goes on after a death learns what was measured meanwhile."""
+"""With a minute of history: a controller that takes over after a crash learns what was measured meanwhile."""
 PLAN = Quality("INTERACTIVE_HIGH", history=1)
 STATUS = Quality("DATA", history=1)
 MAP = Quality("DATA_LOW", history=1)
@@ -51,7 +51,7 @@ EVENT = Quality("DATA_HIGH", history=1000)
 
 @dataclass(frozen=True)
 class Received:
-    """A payload as it came; `received_s` is the receiver's own clock [s]."""
+    """A received payload; `received_s` is the time of reception by the receiver's own clock [s]."""
 
     key: str
     payload: bytes
@@ -59,14 +59,14 @@ class Received:
 
 
 class Inbox:
-    """A bounded queue that a callback fills and a tick empties; when full, the oldest goes."""
+    """A bounded queue that a callback fills and a tick empties; when full, the oldest item is dropped."""
 
     def __init__(self, depth: int) -> None:
         self._items: deque[Received] = deque(maxlen=depth)
         self.dropped = 0
 
     def put(self, item: Received) -> None:
-        """Add what was received."""
+        """Add a received payload."""
         if len(self._items) == self._items.maxlen:
             self.dropped += 1
         self._items.append(item)
@@ -80,26 +80,26 @@ class Inbox:
 
 
 class Presence:
-    """The liveliness tokens seen, and when those that went did."""
+    """The liveliness tokens that are alive, and when others were lost."""
 
     def __init__(self) -> None:
         self._alive: set[str] = set()
-        self._gone_s: dict[str, float] = {}
+        self._lost_s: dict[str, float] = {}
         self._lock = Lock()
 
     def set(self, key: str, alive: bool, time_s: float) -> None:
-        """Note that a token appeared or went, at a time of the receiver's own clock [s]."""
+        """Note that a token appeared or was lost, at a time of the receiver's own clock [s]."""
         with self._lock:
             if alive:
                 self._alive.add(key)
             elif key in self._alive:
                 self._alive.discard(key)
-                self._gone_s[key] = time_s
+                self._lost_s[key] = time_s
 
-    def gone_s(self, key: str) -> float:
-        """Return when a token went last [s]; -inf when it never did."""
+    def lost_s(self, key: str) -> float:
+        """Return when a token was lost last [s]; -inf when it never was."""
         with self._lock:
-            return self._gone_s.get(key, -math.inf)
+            return self._lost_s.get(key, -math.inf)
 
     def alive(self) -> frozenset[str]:
         """Return the keys of the tokens that are alive."""
@@ -109,7 +109,7 @@ class Presence:
 
 @dataclass(frozen=True)
 class Request:
-    """A question to be answered within the next tick."""
+    """A query to be answered within the next tick: with a reply, or an error."""
 
     key: str
     payload: bytes
@@ -118,17 +118,17 @@ class Request:
 
 
 class RequestInbox:
-    """Questions that wait for the next tick; when full, the oldest goes unanswered."""
+    """Requests that wait for the next tick; when full, the oldest remains unanswered."""
 
     def __init__(self, depth: int) -> None:
         self._items: deque[Request] = deque(maxlen=depth)
 
     def put(self, request: Request) -> None:
-        """Add a question."""
+        """Add a request."""
         self._items.append(request)
 
     def drain(self) -> list[Request]:
-        """Return the questions since last time, oldest first."""
+        """Return the requests since last time, oldest first."""
         items = []
         while self._items:
             items.append(self._items.popleft())
@@ -148,7 +148,7 @@ class Transport(Protocol):
 
     @property
     def callback_errors(self) -> int:
-        """Exceptions inside callbacks: the network library would swallow them, so they are counted."""
+        """Number of exceptions in callbacks, which the network library would suppress."""
         ...
 
     def publisher(self, key: str, quality: Quality) -> Publisher:
@@ -168,11 +168,11 @@ class Transport(Protocol):
         ...
 
     def requests(self, pattern: str, depth: int) -> RequestInbox:
-        """Return the questions asked on matching keys."""
+        """Return the requests made on matching keys."""
         ...
 
     def ask(self, key: str, payload: bytes, timeout_s: float) -> bytes:
-        """Ask and wait for the first answer.
+        """Send a request and wait for the first answer.
 
         Raises
         ------

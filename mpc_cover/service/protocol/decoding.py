@@ -1,4 +1,4 @@
-"""From untrusted bytes to messages: everything that is wrong is a counted rejection, never a crash."""
+"""Decodes messages from untrusted bytes: whatever is wrong with them is a counted rejection, never a crash."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
 MAX_PAYLOAD = 1 << 20
-"""Largest payload that is looked at [bytes]: ten times a plan of 400 steps in three dimensions."""
+"""Largest payload that is decoded [bytes]: ten times a plan of 400 steps in three dimensions."""
 
 
 class Reason(StrEnum):
-    """Why a message was turned away."""
+    """Why a message was rejected."""
 
     OVERSIZE = "oversize"
     MALFORMED = "malformed"
@@ -50,7 +50,7 @@ class Reason(StrEnum):
 
 
 class RejectedError(Exception):
-    """A message that is not acted upon; `reason` is counted, the text says more."""
+    """A message that is not acted upon; `reason` is counted, the text gives details."""
 
     def __init__(self, reason: Reason, text: str = "") -> None:
         self.reason = reason

@@ -1,4 +1,4 @@
-"""Events: told to people and to the network, never so often that they drown either."""
+"""Events for users and for the network, at a limited rate."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from mpc_cover.service.protocol.bus import Publisher
 
 QUIET_S = 1.0
-"""An event of the same kind is told once in this time [s]; all are counted by whoever tells them."""
+"""Shortest time between two events of the same kind [s]; others are dropped."""
 
 
 class EventLog:
-    """Publishes events and says them aloud."""
+    """Publishes the events of a source, and passes their texts to `say`."""
 
     def __init__(
         self, source: str, publisher: Publisher, clock: Clock, say: Callable[[str], None] | None = None
@@ -29,8 +29,8 @@ class EventLog:
         self._last: dict[str, float] = {}
         self._seq = 0
 
-    def tell(self, kind: str, text: str) -> None:
-        """Tell unless one of this kind was told just now."""
+    def emit(self, kind: str, text: str) -> None:
+        """Publish an event, unless one of this kind was published just now."""
         now = self._clock.now()
         if now - self._last.get(kind, -QUIET_S) < QUIET_S and kind in self._last:
             return

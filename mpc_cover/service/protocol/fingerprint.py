@@ -1,4 +1,4 @@
-"""What tells one mission from another that has the same name."""
+"""The fingerprint by which missions of the same name are distinguished."""
 
 from __future__ import annotations
 

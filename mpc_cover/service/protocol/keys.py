@@ -36,11 +36,11 @@ class Keys:
         return f"{self.root}/agent/{agent}/alive"
 
     def hello(self, agent: str = ANY) -> str:
-        """Return the key on which an agent of the distributed law says that it is there, before the start."""
+        """Return the key on which an agent of the distributed law announces itself, before the start."""
         return f"{self.root}/agent/{agent}/hello"
 
     def word(self, agent: str = ANY) -> str:
-        """Return the key on which an agent of the distributed law speaks to whoever is in range."""
+        """Return the key on which an agent of the distributed law broadcasts to agents in range."""
         return f"{self.root}/agent/{agent}/word"
 
     @property
@@ -50,12 +50,12 @@ class Keys:
 
     @property
     def map(self) -> str:
-        """The coverage map, published and to be asked for."""
+        """The coverage map, published and available on request."""
         return f"{self.root}/ctl/map"
 
     @property
     def controller_event(self) -> str:
-        """What the controller has to tell."""
+        """The controller's events."""
         return f"{self.root}/ctl/event"
 
     @property

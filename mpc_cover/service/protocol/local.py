@@ -1,4 +1,4 @@
-"""A bus in memory: deterministic, for `simulate` and the tests."""
+"""An in-memory bus: deterministic, for `simulate` and the tests."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class LocalBus:
     """Delivers at once, in the order of publication.
 
-    `channel` says what arrives of a payload sent on a key: nothing, itself, itself twice, something else.
+    `channel` models the channel: it returns the payloads that arrive when one is sent on a key.
     """
 
     def __init__(self, clock: Clock, channel: Callable[[str, bytes], list[bytes]] | None = None) -> None:
@@ -44,7 +44,7 @@ class LocalBus:
                     inbox.put(Received(key, arrived, self.clock.now()))
 
     def subscribe(self, owner: LocalTransport, pattern: str, inbox: Inbox, history: int) -> None:
-        """Add an inbox, with the past that it asks for."""
+        """Add an inbox, with the past samples that it asks for."""
         self._inboxes.append((owner, pattern, inbox))
         for key, past in self._history.items():
             if history and matches(pattern, key):
@@ -66,17 +66,17 @@ class LocalBus:
                 presence.set(key, alive=True, time_s=self.clock.now())
 
     def answer(self, owner: LocalTransport, pattern: str, requests: RequestInbox) -> None:
-        """Send matching questions there."""
+        """Deliver matching requests to `requests`."""
         self._requests.append((owner, pattern, requests))
 
     def ask(self, request: Request) -> None:
-        """Hand a question to everyone who answers its key."""
+        """Deliver a request to all participants that answer its key."""
         for _, pattern, requests in self._requests:
             if matches(pattern, request.key):
                 requests.put(request)
 
     def leave(self, owner: LocalTransport) -> None:
-        """Forget a participant, as when its process dies."""
+        """Remove a participant, as when its process dies."""
         gone = [key for token_owner, key in self._tokens if token_owner is owner]
         self._tokens = [token for token in self._tokens if token[0] is not owner]
         self._inboxes = [entry for entry in self._inboxes if entry[0] is not owner]
@@ -132,17 +132,17 @@ class LocalTransport:
         return presence
 
     def requests(self, pattern: str, depth: int) -> RequestInbox:
-        """Return the questions asked on matching keys."""
+        """Return the requests made on matching keys."""
         requests = RequestInbox(depth)
         self.bus.answer(self, pattern, requests)
         return requests
 
     def ask(self, key: str, payload: bytes, timeout_s: float) -> bytes:  # noqa: ARG002 - nothing waits here
-        """Ask; whoever answers does so in its next tick, which a single thread cannot wait for."""
+        """Raise RequestError: the answer comes with a later tick, which a single thread cannot wait for."""
         raise RequestError(f"{key}: use `post` on a bus in memory")
 
     def post(self, key: str, payload: bytes) -> list[tuple[bool, bytes]]:
-        """Ask without waiting: the returned list is filled with (answered, payload) by the answering tick."""
+        """Send a request without waiting: the answering tick fills the returned list with (answered, payload)."""
         answers: list[tuple[bool, bytes]] = []
         self.bus.ask(
             Request(key, payload, lambda data: answers.append((True, data)), lambda data: answers.append((False, data)))

@@ -1,4 +1,4 @@
-"""What goes over the wire: msgspec Structs as JSON, a schema version in each.
+"""The messages on the wire: msgspec Structs as JSON, with a schema version in each.
 
 SI units; map frame east-north-up. Time stamps are seconds of a monotonic clock whose owner is named
 beside each; wall clocks are never sent.
@@ -23,7 +23,7 @@ Samples = Annotated[list[Vector], msgspec.Meta(min_length=1, max_length=1001)]
 
 
 class Phase(StrEnum):
-    """What the controller is doing."""
+    """The phase of a mission."""
 
     WAITING = "waiting"
     PLANNING = "planning"
@@ -31,6 +31,15 @@ class Phase(StrEnum):
     COMPLETE = "complete"
     FAILED = "failed"
     STOPPED = "stopped"
+
+
+class CommandName(StrEnum):
+    """The commands to the controller."""
+
+    PAUSE = "pause"
+    RESUME = "resume"
+    ABORT = "abort"
+    RETASK = "retask"
 
 
 class PlanRef(msgspec.Struct, frozen=True):
@@ -41,7 +50,7 @@ class PlanRef(msgspec.Struct, frozen=True):
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True):
-    """What all messages share; unknown fields are skipped, so that a later version may add some."""
+    """Base of all messages; unknown fields are ignored, so that a later version may add some."""
 
     schema: int = SCHEMA_VERSION
 
@@ -51,9 +60,9 @@ class State(Message, frozen=True, kw_only=True):
 
     `position` and `velocity` are (d,) [m], [m/s]. `plan` is the plan being flown, `next_plan` the one that
     it will switch to; `at_rest` says that it stands still and has nothing left to fly. `speed` is how many
-    seconds of its clock pass in a second, `mission` the fingerprint of the mission that it knows. A disturbed
-    agent tells the state that its plans give, too: `reference_position` and `reference_velocity`. `refused` is
-    the plan that it turned away last, unless it took one up since.
+    seconds of its clock pass in a second, `mission` the fingerprint of its mission. A disturbed agent also
+    reports the state that it tracks: `reference_position` and `reference_velocity`. `refused` is the plan
+    that it rejected last, unless it has accepted one since.
     """
 
     agent: Id
@@ -73,9 +82,9 @@ class State(Message, frozen=True, kw_only=True):
 
 
 class PlanMessage(Message, frozen=True, kw_only=True):
-    """One agent's whole horizon; it ends at rest.
+    """A plan of one agent over the whole horizon; it ends at rest.
 
-    `start_s` and `valid_until_s` are in the clock of that agent's instance: a plan that was not taken up
+    `start_s` and `valid_until_s` are in the clock of that agent's instance: a plan that was not received
     by `valid_until_s` is stale. `position`, `velocity` are (N+1, d) [m], [m/s]; `input` (N, d) [m/s^2].
     """
 
@@ -98,7 +107,7 @@ class PlanMessage(Message, frozen=True, kw_only=True):
 
 
 class Status(Message, frozen=True, kw_only=True):
-    """The heartbeat, out of a finished control tick."""
+    """The controller's heartbeat, published at the end of a tick."""
 
     controller: Id
     epoch: Count
@@ -121,7 +130,7 @@ class Status(Message, frozen=True, kw_only=True):
 
 
 class MapMessage(Message, frozen=True, kw_only=True):
-    """Which cells are covered: `bits` is hexadecimal, the first cell the highest bit of the first byte."""
+    """The cells that are covered: `bits` is hexadecimal, the first cell the highest bit of the first byte."""
 
     controller: Id
     epoch: Count
@@ -132,7 +141,7 @@ class MapMessage(Message, frozen=True, kw_only=True):
 
 
 class Event(Message, frozen=True, kw_only=True):
-    """Something worth telling a person; `time_s` is in the source's own clock."""
+    """An event of interest to users; `time_s` is in the source's own clock."""
 
     source: Id
     seq: Count
@@ -142,9 +151,9 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class CommandRequest(Message, frozen=True, kw_only=True):
-    """Asks for pause, resume, abort or retask; the request id makes a repeat harmless.
+    """A request for the command of its key, a `CommandName`; the request id makes repeating it harmless.
 
-    `mission` is the mission, as JSON, that a retask asks to go on with.
+    `mission` is, for a retask, the new version of the mission as JSON.
     """
 
     request: Id
@@ -153,7 +162,7 @@ class CommandRequest(Message, frozen=True, kw_only=True):
 
 
 class CommandReply(Message, frozen=True, kw_only=True):
-    """What became of a command; `problems` are those of a mission, each with its path."""
+    """The outcome of a command; `problems` are those of a mission, each with its path."""
 
     request: Id
     accepted: bool

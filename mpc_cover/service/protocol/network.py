@@ -1,4 +1,4 @@
-"""How the network is set up: options as every Zenoh tool has them, and the settings that they lead to."""
+"""Configuration of the network: options as of every Zenoh tool, the settings they lead to, and errors about them."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7474"
-"""Where `serve` listens and `agent` connects when nothing else is said."""
+"""Where `serve` listens and `agent` connects by default."""
 ZENOH_LEASE_MS = 10_000
 LEASE_MS = 1000
-"""A hung process counts as gone after this."""
+"""A hung process counts as lost after this."""
 ZENOH_MAX_MESSAGE = 1 << 30
 MAX_MESSAGE = 4 << 20
-"""Zenoh's own default is 1 GiB; anyone could make us hold that [bytes]."""
+"""Zenoh's own default is 1 GiB, which any peer could make us allocate [bytes]."""
 RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
 
 
 @dataclass(frozen=True)
 class NetworkOptions:
-    """Endpoints such as `tcp/127.0.0.1:7474`, a Zenoh configuration file, and how long to wait for the others [s]."""
+    """Endpoints such as `tcp/127.0.0.1:7474`, a Zenoh configuration file, and how long to wait for peers [s]."""
 
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
@@ -40,7 +40,7 @@ def check_endpoint(endpoint: str) -> str:
     Raises
     ------
     TransportError
-        It is none: Zenoh itself would wait for it in silence.
+        It is malformed: Zenoh itself would wait for it without an error.
     """
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.partition("?")[0].partition("#")[0].rpartition(":")
@@ -51,7 +51,7 @@ def check_endpoint(endpoint: str) -> str:
 
 
 def settings(options: NetworkOptions, configured: Callable[[str], str], attempt_ms: int) -> Iterator[tuple[str, str]]:
-    """Yield keys and JSON values on top of what is `configured` already, which wins where it says something."""
+    """Yield keys and JSON values: those always needed, and defaults of keys for which `configured` returns none."""
     for endpoint in (*options.listen, *options.connect):
         check_endpoint(endpoint)
     always: dict[str, object] = {
@@ -82,8 +82,23 @@ def settings(options: NetworkOptions, configured: Callable[[str], str], attempt_
             yield key, json.dumps(value)
 
 
+def cannot_listen(options: NetworkOptions, text: str) -> str:
+    """Return the error message for endpoints that cannot be listened on, because of `text`."""
+    where = ", ".join(options.listen) or "the configured endpoints"
+    if "already in use" in text:
+        return f"network: cannot listen on {where}: the port is in use: choose another one with -l/--listen"
+    return f"network: cannot listen on {where}: {text}"
+
+
+def cannot_connect(options: NetworkOptions) -> str:
+    """Return the error message for endpoints that stay unreachable."""
+    where = ", ".join(options.connect) or "the configured endpoints"
+    waited = f"{options.connect_timeout_s:g} s"
+    return f"network: cannot reach {where} within {waited}: is the other side up, and -e/--connect right?"
+
+
 def _size_limit() -> dict[str, object]:
-    """Drop what is larger than any message of ours before it is handed on."""
+    """Return Zenoh's filter that drops payloads larger than any message of this protocol."""
     return {
         "id": "mpc-cover",
         "flows": ["ingress"],

@@ -1,8 +1,8 @@
-"""The network: the only file that imports zenoh.
+"""The transport over Zenoh, the only file that imports zenoh.
 
-What bites in Zenoh is guarded here: nothing on the way of a plan may block, callbacks
-only fill bounded queues and count their exceptions, liveliness tokens are kept, multicast, gossip and
-shared memory are off, and an endpoint that is in use or unreachable is one clear error.
+Pitfalls of Zenoh are handled here: no operation in the control loop blocks, callbacks only fill bounded queues
+and count their exceptions, liveliness tokens are kept alive, multicast, gossip and shared memory are off, and an
+endpoint that is in use or unreachable is one clear error.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from mpc_cover.service.protocol.bus import (
     TransportError,
     UnreachableError,
 )
-from mpc_cover.service.protocol.network import NetworkOptions, settings
+from mpc_cover.service.protocol.network import NetworkOptions, cannot_connect, cannot_listen, settings
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from mpc_cover.clock import Clock
 
 ATTEMPT_MS = 500
-"""One attempt to connect; between two of them a signal is seen."""
+"""Duration of one attempt to connect; signals are handled between attempts."""
 JSON = "application/json"
 
 
@@ -46,7 +46,7 @@ def open_transport(options: NetworkOptions, clock: Clock, stop: Event) -> ZenohT
     UnreachableError
         An endpoint stays unreachable.
     TransportError
-        A port in use, an endpoint that is none, a bad configuration file.
+        A port in use, a malformed endpoint, a bad configuration file.
     InterruptedError
         `stop` was set meanwhile.
     """
@@ -58,24 +58,11 @@ def open_transport(options: NetworkOptions, clock: Clock, stop: Event) -> ZenohT
         except zenoh.ZError as error:
             text = _plain(error)
             if "Unable to connect" not in text:
-                raise TransportError(_cannot_listen(options, text)) from None
+                raise TransportError(cannot_listen(options, text)) from None
             if time.monotonic() >= deadline:
-                raise UnreachableError(_cannot_connect(options)) from None
+                raise UnreachableError(cannot_connect(options)) from None
         if stop.is_set():
             raise InterruptedError
-
-
-def _cannot_listen(options: NetworkOptions, text: str) -> str:
-    where = ", ".join(options.listen) or "the configured endpoints"
-    if "already in use" in text:
-        return f"network: cannot listen on {where}: the port is in use: choose another one with -l/--listen"
-    return f"network: cannot listen on {where}: {text}"
-
-
-def _cannot_connect(options: NetworkOptions) -> str:
-    where = ", ".join(options.connect) or "the configured endpoints"
-    waited = f"{options.connect_timeout_s:g} s"
-    return f"network: cannot reach {where} within {waited}: is the other side up, and -e/--connect right?"
 
 
 def _configure(options: NetworkOptions) -> zenoh.Config:
@@ -92,15 +79,15 @@ def _configure(options: NetworkOptions) -> zenoh.Config:
 
 
 def _plain(error: zenoh.ZError) -> str:
-    """Return what Zenoh says without its source lines."""
+    """Return Zenoh's error message without its source lines."""
     text = " ".join(str(error).split())
     return text.split(" at /", 1)[0].replace("[", "").strip()
 
 
 _TIMED_OUT = "Timeout"
-"""What Zenoh itself replies to a query that somebody took and did not answer in time."""
-_ASK_AGAIN_S = 0.05
-"""Pause before a question that nobody heard is asked again."""
+"""Zenoh's own reply to a query that was received and not answered in time."""
+_RETRY_S = 0.05
+"""Pause before a request that reached no receiver is sent again."""
 
 
 @dataclass(frozen=True)
@@ -174,7 +161,7 @@ class ZenohTransport:
         return presence
 
     def requests(self, pattern: str, depth: int) -> RequestInbox:
-        """Return the questions asked on matching keys."""
+        """Return the requests made on matching keys."""
         requests = RequestInbox(depth)
 
         def put(query: zenoh.Query) -> None:
@@ -193,10 +180,10 @@ class ZenohTransport:
         return requests
 
     def ask(self, key: str, payload: bytes, timeout_s: float) -> bytes:
-        """Ask and wait for the first answer.
+        """Send a request and wait for the first answer.
 
-        A query ends at once where nobody is known who answers it, and declarations take a while to get around: it is
-        asked again until the time is over.
+        A query ends at once where no queryable is known yet, and declarations take a while to propagate: it is
+        repeated until the time is over.
 
         Raises
         ------
@@ -210,18 +197,18 @@ class ZenohTransport:
             for reply in self._session.get(key, payload=payload, timeout=left_s):
                 if reply.ok is not None:
                     return bytes(reply.ok.payload.to_bytes())
-                said = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "error"
-                if said == _TIMED_OUT:
+                text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "error"
+                if text == _TIMED_OUT:
                     break
-                raise RequestError(f"{key}: {said}")
-            pause.wait(min(_ASK_AGAIN_S, left_s))
+                raise RequestError(f"{key}: {text}")
+            pause.wait(min(_RETRY_S, left_s))
         raise NoAnswerError(f"{key}: no answer within {timeout_s:g} s")
 
     def close(self) -> None:
         """Leave the network; may be called twice.
 
-        Must be called: the threads of Zenoh's callbacks would keep the process from ending. A peer that hangs
-        with a full queue delays it by Zenoh's own ten seconds.
+        Must be called: the threads of Zenoh's callbacks would keep the process alive. A peer that hangs with a
+        full queue delays it by Zenoh's own ten seconds.
         """
         if self.closed:
             return
@@ -233,12 +220,12 @@ class ZenohTransport:
             self.callback_errors += 1
 
     def _counted(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Count exceptions: Zenoh would print and swallow them."""
+        """Return the callback with its exceptions counted: Zenoh would print and suppress them."""
 
         def guarded(item: object) -> None:
             try:
                 callback(item)
-            except Exception:  # noqa: BLE001 - a health failure, told by the counter
+            except Exception:  # noqa: BLE001 - a fault that the status reports as a count
                 self.callback_errors += 1
 
         return guarded
@@ -246,7 +233,7 @@ class ZenohTransport:
     def _answer(self, send: Callable[[], None], query: zenoh.Query) -> None:
         try:
             send()
-        except zenoh.ZError:  # whoever asked has gone
+        except zenoh.ZError:  # the requester has left
             self.callback_errors += 1
         finally:
             query.drop()  # type: ignore[no-untyped-call]

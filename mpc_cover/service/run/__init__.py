@@ -1,1 +1,1 @@
-"""Ways to run: daemons, demo, simulation, and the records that they leave."""
+"""Ways to run the service: daemons, demo, simulation, and the records that they write."""

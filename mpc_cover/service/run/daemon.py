@@ -1,4 +1,4 @@
-"""The loop that both daemons run: startup, a tick whenever one is due, shutdown; signals end it cleanly."""
+"""The main loop of the daemons: startup, a tick whenever one is due, shutdown; signals end it cleanly."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from mpc_cover.clock import Clock
 
 INTERRUPTED = 130
-"""Exit status after Ctrl-C, as the shell has it: 128 + SIGINT."""
+"""Exit status after Ctrl-C, by the convention of shells: 128 + SIGINT."""
 TERMINATED = 143
 """Exit status after SIGTERM: 128 + SIGTERM."""
 
 
 class Participant(Protocol):
-    """What can be run as a daemon, or tick by tick in a simulation."""
+    """A process that can be run as a daemon, or tick by tick in a simulation."""
 
     @property
     def next_time(self) -> float:
@@ -32,7 +32,7 @@ class Participant(Protocol):
         ...
 
     def startup(self) -> None:
-        """Show presence."""
+        """Announce presence."""
         ...
 
     def tick(self) -> None:
@@ -40,7 +40,7 @@ class Participant(Protocol):
         ...
 
     def shutdown(self) -> None:
-        """Leave in good order."""
+        """Release resources and end the records."""
         ...
 
 
@@ -56,7 +56,7 @@ class Signals:
         self._before: dict[int, object] = {}
 
     def __enter__(self) -> Self:
-        """Take the signals over."""
+        """Install the signal handlers."""
         for number in (signal.SIGINT, signal.SIGTERM):
             self._before[number] = signal.signal(number, self._note)
         return self
@@ -64,7 +64,7 @@ class Signals:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Give the signals back."""
+        """Restore the signal handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
@@ -75,7 +75,7 @@ class Signals:
 
     def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - the signal module's signature
         if self.received and number == signal.SIGINT:
-            raise KeyboardInterrupt  # asked twice: at once, then
+            raise KeyboardInterrupt  # the second Ctrl-C ends at once
         self.received = self.received or number
         self.stop.set()
 

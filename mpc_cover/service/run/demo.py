@@ -1,4 +1,4 @@
-"""The whole line at once: a controller and its agents as processes over Zenoh, watched until the end."""
+"""The demo: a controller and its agents as processes over Zenoh on this machine, supervised until the end."""
 
 from __future__ import annotations
 
@@ -7,18 +7,19 @@ from typing import TYPE_CHECKING, Any
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.errors import UserError
 from mpc_cover.service.agent.recorder import read_record
-from mpc_cover.service.controller.step_log import read_steps
+from mpc_cover.service.controller.step_log import StepKind, read_steps
 from mpc_cover.service.protocol.network import NetworkOptions
 from mpc_cover.service.protocol.transport import open_transport
-from mpc_cover.service.run.daemon import INTERRUPTED, Signals
-from mpc_cover.service.run.demo_options import DemoOptions, DemoResult
-from mpc_cover.service.run.demo_processes import Processes
-from mpc_cover.service.run.demo_watch import Watch, ended_well
+from mpc_cover.service.run.daemon import Signals
+from mpc_cover.service.run.demo_outcome import DemoResult, exit_status
+from mpc_cover.service.run.demo_processes import DemoOptions, Processes
+from mpc_cover.service.run.demo_watch import Watch, completion_text
 from mpc_cover.service.run.observer import Observer
 from mpc_cover.service.run.processes import free_port
 from mpc_cover.service.run.progress import Progress
 from mpc_cover.service.run.recording import merge
 from mpc_cover.service.run.run_folder import step_times_of
+from mpc_cover.trajectory_file import RecordingKind
 from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ PORT_ATTEMPTS = 5
 
 
 def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console: Console) -> DemoResult:
-    """Fly a mission with real processes; whatever happens, they end and the run folder is written.
+    """Fly a mission with real processes; in any case they end and the run folder is written.
 
     Raises
     ------
@@ -45,31 +46,26 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
         clock = MonotonicClock()
         endpoint, transport = open_observer(clock, signals)
         try:
-            fleet = Processes(mission, options, folder, endpoint)
+            processes = Processes(mission, options, folder, endpoint)
             observer = Observer(mission, transport, clock)
             try:
                 with Progress(console) as progress:
-                    watch = Watch(fleet, observer, signals, progress, options.deaths, over=ended_well(mission))
+                    over = completion_text(mission)
+                    watch = Watch(processes, observer, signals, progress, options.deaths, over=over)
                     outcome = watch.until_over()
             finally:
-                died = [agent.name for agent in fleet.dead_agents()]
-                fleet.end()
+                died = [agent.name for agent in processes.dead_agents()]
+                processes.end()
         finally:
             transport.close()
-        console.print(f"{outcome}; writes the run folder", highlight=False, markup=False, soft_wrap=True)
-        summary = _write(mission, options, folder, outcome, fleet.restarts, died)
-    complete = (
-        outcome.startswith(ended_well(mission))
-        and summary is not None
-        and summary.holds
-        and summary.covered_cells == summary.cells
-    )
-    status = INTERRUPTED if signals.received else 0 if complete else 1
-    return DemoResult(status, outcome, summary, fleet.restarts, tuple(died))
+        console.print(f"{outcome.text}; writes the run folder", highlight=False, markup=False, soft_wrap=True)
+        summary = _write(mission, options, folder, outcome.text, processes.restarts, died)
+    status = exit_status(outcome, summary, signals.received)
+    return DemoResult(status, outcome.text, summary, processes.restarts, tuple(died))
 
 
 def open_observer(clock: MonotonicClock, signals: Signals) -> tuple[str, ZenohTransport]:
-    """Listen on a free port; another one when someone was faster."""
+    """Listen on a free port, and on another one if it is taken meanwhile; return the endpoint and the transport."""
     for attempt in range(PORT_ATTEMPTS):
         endpoint = f"tcp/127.0.0.1:{free_port()}"
         try:
@@ -91,9 +87,9 @@ def _write(
         "folder": str(folder.path),
     }
     steps = read_steps(folder.step_log)
-    times = [step.tick_time_s for step in steps if step.kind == "step"]
+    times = [step.tick_time_s for step in steps if step.kind is StepKind.STEP]
     meta = {
-        "kind": "demo",
+        "kind": RecordingKind.DEMO,
         "version": __version__,
         "seed": options.seed,
         "backend": options.backend,
@@ -110,9 +106,9 @@ def write_records(
     died: list[str],
     step_times: FloatArray,
 ) -> RunSummary | None:
-    """Merge the agents' records and write the run folder; None, with the problem in summary.json, where they lack.
+    """Merge the agents' records and write the run folder; None, with the problem in summary.json, where some lack.
 
-    `meta` goes into the trajectory, `extra` into the summary; `step_times` is (S,) [s].
+    `meta` is written into the trajectory, `extra` into the summary; `step_times` is (S,) [s].
     """
     try:
         records = [read_record(folder.record(name))[1] for name in mission.fleet.ids]

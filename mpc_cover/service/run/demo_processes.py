@@ -1,22 +1,34 @@
-"""The processes of a demo: a controller that may be started again, and the agents."""
+"""The processes of a demo: a controller that can be restarted, and the agents; with their options."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from mpc_cover.service.run.processes import Child, end_all, free_port
+from mpc_cover.service.run.processes import Child, free_port, terminate_all
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.run.demo_options import DemoOptions
     from mpc_cover.service.run.run_folder import RunFolder
 
 CONNECT_TIMEOUT_S = 30.0
 """Several processes start at once, perhaps on a slow machine [s]."""
 
 
+@dataclass(frozen=True)
+class DemoOptions:
+    """See `mpc-cover demo --help`; `deaths` are the mission times [s] at which agents are killed, by id."""
+
+    backend: str = "piqp"
+    seed: int = 0
+    speed: float = 1.0
+    deaths: Mapping[str, float] = field(default_factory=dict)
+
+
 class Processes:
-    """The controller and the agents; `observer` is the endpoint of whoever watches."""
+    """The controller and the agents; `observer` is the endpoint of the demo's observer."""
 
     def __init__(self, mission: Mission, options: DemoOptions, folder: RunFolder, observer: str) -> None:
         self._options, self._folder, self._observer = options, folder, observer
@@ -36,7 +48,7 @@ class Processes:
             self.agents.append(Child(name, arguments, self._folder.log(name)))
 
     def start_controller(self) -> None:
-        """Start the controller, also once more: it goes on from its checkpoint."""
+        """Start the controller, the first time or again: then it resumes from its checkpoint."""
         options = self._options
         arguments = ["serve", str(self._folder.mission_file), *self._common(), "--listen", self._controller_at]
         arguments += ["--backend", options.backend, "--seed", str(options.seed)]
@@ -44,12 +56,12 @@ class Processes:
         self.controller = Child("controller", arguments, self._folder.log("controller"))
 
     def dead_agents(self) -> list[Child]:
-        """Return the agents that ended by themselves."""
+        """Return the agents whose processes have ended."""
         return [agent for agent in self.agents if agent.exit_status is not None]
 
     def end(self) -> None:
-        """End all, the controller with the agents."""
-        end_all([*([self.controller] if self.controller else []), *self.agents])
+        """End the controller and the agents."""
+        terminate_all([*([self.controller] if self.controller else []), *self.agents])
 
     def _common(self) -> list[str]:
         timeout = ["--connect-timeout", f"{CONNECT_TIMEOUT_S:g}"]

@@ -1,4 +1,4 @@
-"""Deaths that a user asks for, to see the others go on: `--kill a2@6.5`."""
+"""Fault injection: agents that the user wants to be killed in flight, `--kill a2@6.5`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def parse_kills(values: Sequence[str], mission: Mission) -> dict[str, float]:
-    """Return at which mission time [s] agents are to die, by id, from words like a2@6.5.
+    """Return the mission times [s] at which agents are killed, by id, from values like a2@6.5.
 
     Raises
     ------
     InvalidInputError
-        A word is none of these, or the deaths are not possible, see `check_deaths`.
+        A value is malformed, or the deaths are impossible, see `check_deaths`.
     """
     problems: list[Problem] = []
     deaths: dict[str, float] = {}
@@ -42,7 +42,7 @@ def parse_kills(values: Sequence[str], mission: Mission) -> dict[str, float]:
 
 
 def check_deaths(deaths: Mapping[str, float], mission: Mission) -> None:
-    """Raise InvalidInputError when agents are unknown, or nobody is left, or they die before the take-off."""
+    """Raise InvalidInputError for unknown agents, deaths before the take-off, or when no agent is left."""
     if problems := list(_impossible(deaths, mission, "deaths")):
         raise InvalidInputError("deaths", problems)
 

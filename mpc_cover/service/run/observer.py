@@ -1,4 +1,4 @@
-"""The demo's own eyes on the network: it sees the agents even while the controller is dead."""
+"""The demo's own observer of the network: it receives the agents' states even while the controller is down."""
 
 from __future__ import annotations
 
@@ -19,7 +19,12 @@ DEPTH = 4096
 
 
 class Observer:
-    """The newest status and states, and the events since last asked."""
+    """Receives the newest status and states, and the events.
+
+    Attributes
+    ----------
+    status : the controller's newest; None before the first.
+    """
 
     def __init__(self, mission: Mission, transport: Transport, clock: Clock) -> None:
         keys = Keys(mission.spec.name)
@@ -33,7 +38,7 @@ class Observer:
         self._event_inboxes = [transport.inbox(key, DEPTH) for key in (keys.controller_event, keys.agent_event())]
 
     def look(self) -> list[str]:
-        """Take in what came; return the new events in words."""
+        """Take in what was received; return the texts of the new events."""
         for item in self._state_inbox.drain():
             try:
                 state = decode_state(item.payload, self._dimension)
@@ -48,7 +53,7 @@ class Observer:
         return self._events()
 
     def at_rest(self, patience_s: float, without: Collection[str] = ()) -> bool:
-        """Return whether every agent, `without` some, was heard within `patience_s` and is at rest."""
+        """Return whether every agent, except those `without`, was heard within `patience_s` and is at rest."""
         now = self._clock.now()
         known = [self._states.get(name) for name in self._ids if name not in without]
         return all(entry and now - entry[1] <= patience_s and entry[0].at_rest for entry in known)
@@ -58,7 +63,7 @@ class Observer:
 
 
 def read_events(inbox: Inbox) -> list[str]:
-    """Return the events that came since, in words; what is none is left out."""
+    """Return the texts of the events received since last time; malformed ones are ignored."""
     events = []
     for item in inbox.drain():
         try:

@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 GRACE_S = 5.0
-"""How long a process may take to end when asked to [s]."""
+"""How long a process may take to end after SIGTERM [s]."""
 PORTS = range(20_000, 32_000)
-"""Below the ports that systems hand out by themselves, so that nobody takes one between choice and use."""
+"""Below the ephemeral ports of the system, so that none is taken between choice and use."""
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 class Child:
     """One `mpc-cover` process, its output in a log file.
 
-    It holds the reading end of a pipe whose other end is ours: should we die, even by SIGKILL, it ends too.
-    It has a session of its own, so that Ctrl-C reaches only us, and we end the children in good order.
+    It holds the reading end of a pipe whose other end is the parent's: if the parent dies, even by SIGKILL, it ends
+    too. It has a session of its own, so that Ctrl-C reaches only the parent, which then ends its children in order.
     """
 
     def __init__(self, name: str, arguments: Sequence[str], log: Path) -> None:
@@ -35,7 +35,7 @@ class Child:
         command = [sys.executable, "-m", "mpc_cover", *arguments, "--with-parent"]
         try:
             with log.open("ab") as output:
-                self._process = subprocess.Popen(  # noqa: S603 - ourselves
+                self._process = subprocess.Popen(  # noqa: S603 - our own command
                     command,
                     stdin=subprocess.PIPE,
                     stdout=output,
@@ -60,13 +60,13 @@ class Child:
         """End it at once, as by `kill -9`."""
         self._process.kill()
 
-    def ask_to_end(self) -> None:
-        """Send SIGTERM, and let go of the pipe."""
+    def terminate(self) -> None:
+        """Send SIGTERM, and close the pipe."""
         if self.exit_status is None:
             self._process.terminate()
         self._close_pipe()
 
-    def end(self, deadline_s: float) -> None:
+    def wait_or_kill(self, deadline_s: float) -> None:
         """Wait for its end until `deadline_s` of `time.monotonic`, then kill it."""
         try:
             self._process.wait(max(0.0, deadline_s - time.monotonic()))
@@ -76,7 +76,7 @@ class Child:
         self._close_pipe()
 
     def last_lines(self, count: int = 5) -> str:
-        """Return the end of its log."""
+        """Return the last lines of its log."""
         try:
             return "\n".join(self.log.read_text(encoding="utf-8", errors="replace").splitlines()[-count:])
         except OSError:
@@ -88,18 +88,18 @@ class Child:
             pipe.close()
 
 
-def end_all(children: Iterable[Child]) -> None:
-    """Ask all to end, and kill who does not."""
+def terminate_all(children: Iterable[Child]) -> None:
+    """Terminate all, and kill those that do not end in time."""
     children = list(children)
     for child in children:
-        child.ask_to_end()
+        child.terminate()
     deadline_s = time.monotonic() + GRACE_S
     for child in children:
-        child.end(deadline_s)
+        child.wait_or_kill(deadline_s)
 
 
 def free_port(taken: Iterable[int] = ()) -> int:
-    """Return a port of the loopback interface that nobody listens on.
+    """Return a free port of the loopback interface, none of those `taken`.
 
     Raises
     ------

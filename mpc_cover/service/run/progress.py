@@ -1,4 +1,4 @@
-"""What a person sees while a mission is flown: a line that changes on a terminal, plain lines elsewhere."""
+"""Progress display while a mission is flown: a line that is updated on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 PLAIN_EVERY_S = 2.0
 """How often a plain line is written [s]."""
 PLANS_EVERY_S = 5.0
-"""How often a plain line is written while nothing is heard from planning [s]."""
-LOOK_S = 0.5
-"""How often it is looked whether planning still goes on [s]."""
+"""How often a plain line is written during planning, which sends no status [s]."""
+POLL_S = 0.5
+"""How often the duration of planning is updated [s]."""
 BAR = 20
 
 
 def describe(status: Status) -> str:
-    """Return a status as one line; what is not complete is never shown as 100 %."""
+    """Return a status as one line; coverage that is not complete is never shown as 100 %."""
     percent = (1000 * status.covered_count // max(1, status.cell_count)) / 10
     return (
         f"covered {percent:5.1f} %, {status.mission_time_s:5.1f} s, "
@@ -38,7 +38,7 @@ def describe(status: Status) -> str:
 class Progress:
     """Shows the newest status, and events above it.
 
-    Planning before the start may take minutes without a status: a thread tells how long it has been going on.
+    Planning before the start may take minutes without a status: a thread shows how long it has taken so far.
     """
 
     def __init__(
@@ -46,14 +46,14 @@ class Progress:
     ) -> None:
         self._console, self._plans_every_s, self._monotonic = console, plans_every_s, monotonic
         self._lock, self._over = Lock(), Event()
-        self._watch = Thread(target=self._look, name="progress", daemon=True)
+        self._watch = Thread(target=self._poll, name="progress", daemon=True)
         self._plans_since: float | None = None
         self._spinner: Spinner | None = None
         self._due_s = 0.0
         self._last = ""
 
     def __enter__(self) -> Self:
-        """Begin to show."""
+        """Start the display."""
         if self._console.is_terminal:
             self._spinner = self._console.status("starts")
             self._spinner.start()
@@ -63,7 +63,7 @@ class Progress:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Leave the last line behind."""
+        """End the display, with the last line left on the terminal."""
         self._over.set()
         self._watch.join()
         if self._spinner is not None:
@@ -73,11 +73,11 @@ class Progress:
             self._console.print(self._last, highlight=False, markup=False)
 
     def say(self, text: str) -> None:
-        """Write a line that stays."""
+        """Write a permanent line."""
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def show(self, status: Status) -> None:
-        """Show how things stand."""
+        """Show a status."""
         with self._lock:
             if status.phase is Phase.PLANNING:
                 if self._plans_since is None:
@@ -101,7 +101,7 @@ class Progress:
         self._last = line
 
     def _show_planning(self, since: float) -> None:
-        """Say since when [s] it has been planning; what was said of the flight before is no news any more."""
+        """Show how long planning has taken since a time [s]."""
         now = self._monotonic()
         line = f"plans while everyone is at rest: {now - since:.0f} s so far"
         if self._spinner is not None:
@@ -110,8 +110,8 @@ class Progress:
             self._due_s = now + self._plans_every_s
             self.say(line)
 
-    def _look(self) -> None:
-        while not self._over.wait(min(LOOK_S, self._plans_every_s)):
+    def _poll(self) -> None:
+        while not self._over.wait(min(POLL_S, self._plans_every_s)):
             with self._lock:
                 if self._plans_since is not None:
                     self._show_planning(self._plans_since)

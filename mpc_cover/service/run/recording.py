@@ -1,4 +1,4 @@
-"""From the agents' own records to one trajectory: what was flown, not what was planned."""
+"""Merges the agents' own records into one recording: of what was flown, not what was planned."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ MERGE_S = 1e-7
 """Breakpoints of different agents nearer than this become one sample [s]."""
 
 
-def outlived(pieces: Sequence[Piece], input_max: float, until_s: float) -> list[Piece]:
-    """Return the record of an agent that died, up to `until_s` [s].
+def extended(pieces: Sequence[Piece], input_max: float, until_s: float) -> list[Piece]:
+    """Return the record of an agent whose process died, extended to `until_s` [s].
 
-    Nobody recorded what became of it: its own deadman brakes it, with all its input [m/s^2], from the last state
-    known, and it stays where it comes to rest.
+    The extension is what its deadman does: it brakes with full input [m/s^2] from the last recorded state, and stays
+    where it comes to rest.
     """
     last, rest = pieces[-1], MemoryRecorder()
     plant = Plant(last.time_s, np.array(last.position), np.array(last.velocity), rest.piece)
@@ -41,11 +41,11 @@ def outlived(pieces: Sequence[Piece], input_max: float, until_s: float) -> list[
 def merge(
     mission: Mission, records: Sequence[Sequence[Piece]], meta: dict[str, Any], died: Collection[str] = ()
 ) -> Recording:
-    """Return the fleet's trajectory from the agents' records, in the order of the mission's agents.
+    """Return the fleet's recording from the agents' records, in the order of the mission's agents.
 
-    All records are of one clock. Time 0 is the start of the first plan that was flown; the record ends when
-    everyone is at rest for good, or, where those who rest look again, with the record that ends first. Those of agents
-    that `died` go on, see `outlived`; since when they are lost is in the trajectory's meta as "lost" [s], by id.
+    All records are of one clock. Time 0 is the start of the first plan that was flown; the recording ends when
+    all agents are at rest for good, or, where agents at rest keep measuring, with the record that ends first. Records
+    of agents that `died` are `extended`; the times of their deaths are in the recording's meta as "lost" [s], by id.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def merge(
     lacking = [name for name, pieces in zip(mission.fleet.ids, records, strict=True) if len(pieces) < 2]  # noqa: PLR2004
     if lacking:
         raise UnreadableFileError(f"no motion was recorded of {', '.join(lacking)}")
-    whole, ends = _without_death(mission, records, died)
+    whole, ends = _extended(mission, records, died)
     motions = [motion_of(pieces) for pieces in whole]
     flown = [piece.time_s for pieces in whole if (piece := _first_flown(pieces))]
     first, last = _span(motions, flown, to_the_end=mission.spec.looks_again)
@@ -78,28 +78,28 @@ def merge(
     )
 
 
-def _without_death(
+def _extended(
     mission: Mission, records: Sequence[Sequence[Piece]], died: Collection[str]
 ) -> tuple[list[Sequence[Piece]], dict[str, float]]:
-    """Return records that all last as long as those of the living, and when the others ended [s], by id."""
+    """Return records that last as long as those of the agents that did not die, and the times of deaths [s], by id."""
     ends = {name: pieces[-1].time_s for name, pieces in zip(mission.fleet.ids, records, strict=True)}
     until_s = min((end_s for name, end_s in ends.items() if name not in died), default=max(ends.values()))
     whole = [
-        outlived(pieces, float(limit), until_s) if name in died else pieces
+        extended(pieces, float(limit), until_s) if name in died else pieces
         for name, limit, pieces in zip(mission.fleet.ids, mission.fleet.input_max, records, strict=True)
     ]
     return whole, {name: end_s for name, end_s in ends.items() if name in died}
 
 
 def _first_flown(pieces: Sequence[Piece]) -> Piece | None:
-    """Return the piece with which an agent took up its first plan; None where it never did."""
+    """Return the piece at which an agent started its first plan; None where it never did."""
     return next((piece for piece in lasting(pieces) if piece.plan is not None), None)
 
 
 def _span(motions: Sequence[Trajectory], flown: Sequence[float], *, to_the_end: bool) -> tuple[float, float]:
-    """Return when the flight began, and when everyone had come to rest for good, or the records end [s].
+    """Return when the flight began, and when all agents had come to rest for good, or the records end [s].
 
-    `flown` is when each agent took up its first plan [s].
+    `flown` is when each agent started its first plan [s].
     """
     common = max(float(motion.time[0]) for motion in motions), min(float(motion.time[-1]) for motion in motions)
     first = max(common[0], min(flown, default=common[0]))
@@ -108,7 +108,7 @@ def _span(motions: Sequence[Trajectory], flown: Sequence[float], *, to_the_end: 
 
 
 def _instants(motions: Sequence[Trajectory], first: float, last: float) -> FloatArray:
-    """Return every agent's breakpoints between first and last (T,) [s], both included."""
+    """Return all agents' breakpoints between first and last (T,) [s], both included."""
     inner = np.unique(np.concatenate([motion.time for motion in motions]))
     inner = inner[(inner > first + MERGE_S) & (inner < last - MERGE_S)]
     if inner.size:

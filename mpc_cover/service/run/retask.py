@@ -1,4 +1,4 @@
-"""What `mpc-cover retask` does: ask the controller of a mission to go on with another version of it."""
+"""The client of `mpc-cover retask`: asks the controller of a mission to continue with another version of it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mpc_cover.errors import UserError
 from mpc_cover.service.protocol.bus import NoAnswerError, RequestError
 from mpc_cover.service.protocol.decoding import MAX_PAYLOAD, RejectedError, decode_reply
 from mpc_cover.service.protocol.keys import Keys
-from mpc_cover.service.protocol.messages import CommandRequest, encode
+from mpc_cover.service.protocol.messages import CommandName, CommandRequest, encode
 from mpc_cover.service.protocol.transport import open_transport
 
 if TYPE_CHECKING:
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from mpc_cover.service.protocol.messages import CommandReply
     from mpc_cover.service.protocol.network import NetworkOptions
 
-SHORTEST_S = 1.0
-"""A controller has at least this long to be found, and to answer [s]."""
+SHORTEST_TIMEOUT_S = 1.0
+"""Shortest time to find a controller and wait for its answer [s]."""
 
 
 def retask(mission: Mission, network: NetworkOptions) -> CommandReply:
-    """Return what the controller of a running mission says to going on with this version of it.
+    """Return the reply of a running mission's controller to the request to continue with this version of it.
 
     Raises
     ------
     RequestError
-        No controller of such a mission is there, or it says what is none of its replies.
+        There is no controller of such a mission, or its reply is malformed.
     UserError
         The mission is too large to be sent, or the network cannot be used as asked.
     """
@@ -41,7 +41,8 @@ def retask(mission: Mission, network: NetworkOptions) -> CommandReply:
         raise UserError(f"mission {name}: {len(payload)} bytes: {right}")
     transport = open_transport(network, MonotonicClock(), Event())
     try:
-        return decode_reply(_ask(transport, Keys(name), payload, max(network.connect_timeout_s, SHORTEST_S)))
+        timeout_s = max(network.connect_timeout_s, SHORTEST_TIMEOUT_S)
+        return decode_reply(_ask(transport, Keys(name), payload, timeout_s))
     except RejectedError as error:
         raise RequestError(f"the controller of mission {name}: no reply of this version: {error}") from None
     finally:
@@ -49,11 +50,11 @@ def retask(mission: Mission, network: NetworkOptions) -> CommandReply:
 
 
 def _ask(transport: Transport, keys: Keys, payload: bytes, timeout_s: float) -> bytes:
-    """Return the answer; as long as there is a controller, it may be busy planning, and is asked again."""
+    """Return the answer; a controller that is present may be busy planning, and is asked again."""
     presence = transport.presence(keys.controller_alive)
     while True:
         try:
-            return transport.ask(keys.command("retask"), payload, timeout_s)
+            return transport.ask(keys.command(CommandName.RETASK), payload, timeout_s)
         except NoAnswerError:
             if not presence.alive():
                 text = f"no controller of mission {keys.mission} answers within {timeout_s:g} s"

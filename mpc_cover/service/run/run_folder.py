@@ -1,4 +1,4 @@
-"""The folder that a run leaves behind."""
+"""The folder with the results of a run."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.trajectory_file import Recording
+    from mpc_cover.trajectory_file import Recording, RecordingKind
     from mpc_cover.verification.report import Report
     from mpc_cover.verification.summary import RunSummary
 
 MARKER = "run.json"
-"""A folder with this file is a run of ours and may be written anew."""
+"""A folder with this file is a run folder and may be overwritten."""
 
 
 class RunFolder:
-    """Where a run's files go.
+    """Creates a run folder, and writes its files.
 
     Raises
     ------
@@ -34,7 +34,7 @@ class RunFolder:
         The folder cannot be written, or holds something that is not a run.
     """
 
-    def __init__(self, path: Path, kind: str, mission: Mission) -> None:
+    def __init__(self, path: Path, kind: RecordingKind, mission: Mission) -> None:
         self.path = path
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -56,7 +56,7 @@ class RunFolder:
 
     @property
     def step_log(self) -> Path:
-        """What the controller noted of each step."""
+        """The controller's step log."""
         return self.path / "steps.jsonl"
 
     def record(self, agent: str) -> Path:
@@ -70,7 +70,7 @@ class RunFolder:
     def write(self, trajectory: Recording, step_times: FloatArray, extra: dict[str, Any]) -> RunSummary:
         """Write trajectory, step times, summary and figures; return the summary.
 
-        `step_times` is (S,) [s]; `extra` goes into summary.json.
+        `step_times` is (S,) [s]; `extra` is written into summary.json.
         """
         from mpc_cover.trajectory_file import save_trajectory  # noqa: PLC0415 - children start faster without it
         from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415 - likewise
@@ -139,7 +139,7 @@ def read_step_times(folder: Path) -> FloatArray | None:
 
 
 def find_trajectory(path: Path) -> Path:
-    """Return the trajectory file that is meant: the file itself, or that of a run folder."""
+    """Return the path of a trajectory file: the given one, or that in a run folder."""
     return path / "trajectory.npz" if path.is_dir() else path
 
 

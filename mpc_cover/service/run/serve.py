@@ -1,4 +1,4 @@
-"""The two daemons as processes: `mpc-cover serve` and `mpc-cover agent`."""
+"""The controller and agent daemons as processes: `mpc-cover serve` and `mpc-cover agent`."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
 
     from mpc_cover.clock import Clock
     from mpc_cover.mission.load import Mission
+    from mpc_cover.service.controller.controller import Controller
     from mpc_cover.service.controller.state_directory import StateDirectory
-    from mpc_cover.service.controller.tick import Controller
     from mpc_cover.service.protocol.bus import Transport
     from mpc_cover.service.protocol.network import NetworkOptions
     from mpc_cover.service.run.daemon import Participant
 
 A = TypeVar("A", bound="Participant")
 
-SHOWN_EVERY_S = 2.0
-"""How often `serve` writes a line about itself [s of the machine's clock]."""
+STATUS_EVERY_S = 2.0
+"""How often `serve` writes a status line [s of the machine's clock]."""
 
 
 @dataclass(frozen=True)
 class ServeOptions:
-    """How to control: see `mpc-cover serve --help`."""
+    """See `mpc-cover serve --help`."""
 
     backend: str = "piqp"
     seed: int = 0
@@ -50,7 +50,7 @@ class ServeOptions:
 
 @dataclass(frozen=True)
 class AgentOptions:
-    """How to be an agent: see `mpc-cover agent --help`."""
+    """See `mpc-cover agent --help`."""
 
     speed: float = 1.0
     record: Path | None = None
@@ -79,15 +79,15 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
         try:
             say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
             controller = _controller(mission, options, folder, transport, clock)
-            run(controller, clock, signals.stop, _Narrator(controller).after_tick)
+            run(controller, clock, signals.stop, _StatusLines(controller).after_tick)
         finally:
             transport.close()
         unfinished = not controller.done and not (options.stay and controller.exit_status == 0)
         return signals.exit_status if unfinished else controller.exit_status
 
 
-def fly(mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions) -> int:
-    """Be an agent until a signal comes; return the exit status.
+def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions) -> int:
+    """Run an agent until a signal comes; return the exit status.
 
     Raises
     ------
@@ -96,27 +96,27 @@ def fly(mission: Mission, agent_id: str, options: AgentOptions, network: Network
     """
     from mpc_cover.service.agent.agent import Agent  # noqa: PLC0415 - the controller needs none
 
-    check_member(mission, agent_id)
-    words = f"{agent_id}: agent of {mission.spec.name}, reaches {', '.join(network.connect + network.listen)}"
-    be_agent(Agent, mission, agent_id, options, network, words)
+    check_agent_id(mission, agent_id)
+    text = f"{agent_id}: agent of {mission.spec.name}, reaches {', '.join(network.connect + network.listen)}"
+    run_agent_process(Agent, mission, agent_id, options, network, text)
     return 0
 
 
-def check_member(mission: Mission, agent_id: str) -> None:
+def check_agent_id(mission: Mission, agent_id: str) -> None:
     """Raise UserError if a mission has no such agent."""
     if agent_id not in mission.fleet.ids:
         known = ", ".join(mission.fleet.ids)
         raise UserError(f"agent {agent_id!r}: is not in mission {mission.spec.name}: its agents are {known}")
 
 
-def be_agent(
-    make: Callable[..., A], mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions, words: str
+def run_agent_process(
+    make: Callable[..., A], mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions, text: str
 ) -> tuple[A | None, int]:
-    """Run an agent of a kind until it is done or a signal comes; `words` are said once the network is there.
+    """Run an agent of a class until it is done or a signal comes; `text` is written once the network is joined.
 
     Returns
     -------
-    The agent, None if a signal came before there was one; and the exit status that signals ask for.
+    The agent, None if a signal came before it was made; and the exit status for the signals received.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def be_agent(
         except InterruptedError:
             return None, signals.exit_status
         try:
-            say(words)
+            say(text)
             agent = make(
                 mission,
                 agent_id,
@@ -165,8 +165,8 @@ def _controller(
 ) -> Controller:
     from mpc_cover.control.factory import make_control_law  # noqa: PLC0415 - heavy
     from mpc_cover.service.controller.checkpoint import FileCheckpoints  # noqa: PLC0415 - only here
+    from mpc_cover.service.controller.controller import Controller  # noqa: PLC0415 - agents need none
     from mpc_cover.service.controller.step_log import StepLog  # noqa: PLC0415 - likewise
-    from mpc_cover.service.controller.tick import Controller  # noqa: PLC0415 - agents need none
 
     checkpoints = FileCheckpoints(folder, mission)
     resume, text = checkpoints.load()
@@ -188,13 +188,13 @@ def _controller(
         resume=resume,
         law_for=law_for,
         versions=checkpoints.versions,
-        steps=StepLog(options.step_log),
+        step_log=StepLog(options.step_log),
         say=say,
     )
 
 
-class _Narrator:
-    """Writes a line now and then."""
+class _StatusLines:
+    """Writes the controller's status periodically."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
@@ -204,7 +204,7 @@ class _Narrator:
         status = self._controller.heartbeat.status
         if status is None or time.monotonic() < self._due_s:
             return
-        self._due_s = time.monotonic() + SHOWN_EVERY_S
+        self._due_s = time.monotonic() + STATUS_EVERY_S
         covered = 100 * status.covered_count // status.cell_count
         say(
             f"{status.phase}: {status.mission_time_s:.1f} s, {covered} % covered, "
@@ -214,7 +214,7 @@ class _Narrator:
 
 
 def follow_parent(wanted: bool, stop: Event) -> None:
-    """Stop when standard input ends: whoever holds its other end has died, even by SIGKILL."""
+    """Stop when standard input ends: then the parent process has died, even by SIGKILL."""
 
     def watch() -> None:
         while os.read(0, 1024):

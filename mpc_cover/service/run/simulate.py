@@ -1,4 +1,7 @@
-"""The same controller and agents in one process, on a virtual clock and a bus in memory: deterministic."""
+"""The simulation: the controller and its agents in one process, on a virtual clock and an in-memory bus.
+
+It is deterministic.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,13 @@ from mpc_cover.clock import VirtualClock
 from mpc_cover.control.factory import make_control_law
 from mpc_cover.planning.budget import Budget
 from mpc_cover.service.agent.agent import Agent
-from mpc_cover.service.controller.tick import Controller
+from mpc_cover.service.controller.controller import Controller
 from mpc_cover.service.protocol.local import LocalBus
 from mpc_cover.service.protocol.messages import Phase
 from mpc_cover.service.run.fault_injection import check_deaths
 from mpc_cover.service.run.recording import merge
 from mpc_cover.service.run.simulated_agent import SimulatedAgent
+from mpc_cover.trajectory_file import RecordingKind
 from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
@@ -31,9 +35,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """What was flown, how long each step took, what was said, whether everything was covered, and who was lost.
+    """The result of a simulation.
 
-    `outcome` says in words how it ended.
+    Attributes
+    ----------
+    trajectory : what was flown.
+    steps : the control steps.
+    events : the texts of all events.
+    complete : whether everything was covered.
+    lost : ids of the lost agents.
+    outcome : how it ended, as a text.
     """
 
     trajectory: Recording
@@ -58,11 +69,11 @@ def simulate(
 
     Parameters
     ----------
-    seed : of the brain, and of what disturbs the agents.
-    brain : another controller than the receding horizon.
+    seed : of the control law, and of the agents' disturbances.
+    law : another control law than the receding horizon.
     channel : see `LocalBus`.
-    deaths : at which mission time [s] agents die, as if their processes were killed, by id; somebody must be left.
-    on_tick : told the controller's status after each of its ticks.
+    deaths : mission times [s] at which agents die, as if their processes were killed, by id; one must be left.
+    on_tick : called with the controller's status after each of its ticks.
     """
     check_deaths(deaths or {}, mission)
     clock, events = VirtualClock(), list[str]()
@@ -73,12 +84,12 @@ def simulate(
     law = law or make_control_law(mission, backend, seed)
     controller = Controller(mission, law, bus.join(), clock, budget_of=Budget.counted, say=events.append)
     _run(clock, simulated_agents, controller, deaths or {}, on_tick)
-    meta = {"kind": "simulate", "version": __version__, "seed": seed, "backend": backend}
-    died = [simulated.agent.id for simulated in simulated_agents if simulated.dead]
+    meta = {"kind": RecordingKind.SIMULATE, "version": __version__, "seed": seed, "backend": backend}
+    died = [simulated.agent.id for simulated in simulated_agents if simulated.killed]
     trajectory = merge(mission, [simulated.recorder.pieces for simulated in simulated_agents], meta, died)
     complete = controller.exit_status == 0
     lost, outcome = tuple(controller.supervisor.lost), controller.heartbeat.text
-    return Simulation(trajectory, list(controller.steps.steps), events, complete, lost, outcome)
+    return Simulation(trajectory, list(controller.step_log.steps), events, complete, lost, outcome)
 
 
 def _run(
@@ -88,33 +99,33 @@ def _run(
     deaths: Mapping[str, float],
     on_tick: Callable[[Status], None] | None,
 ) -> None:
-    """Tick whoever is due next, agents before the controller at the same instant."""
+    """Tick the participant that is due next, agents before the controller at the same instant."""
 
-    def living() -> list[Participant]:
-        return [*(simulated.agent for simulated in simulated_agents if not simulated.dead), controller]
+    def running() -> list[Participant]:
+        return [*(simulated.agent for simulated in simulated_agents if not simulated.killed), controller]
 
-    for participant in living():
+    for participant in running():
         participant.startup()
     never = Event()
     while not controller.done:
-        due = min(living(), key=lambda participant: participant.next_time)
-        if (victim := _next_victim(simulated_agents, deaths)) and controller.phase is Phase.FLYING:
-            left_s = deaths[victim.agent.id] - controller.mission_time_s
-            if left_s <= due.next_time - clock.now():  # before whoever ticks at that instant
+        due = min(running(), key=lambda participant: participant.next_time)
+        if (dying := _next_to_die(simulated_agents, deaths)) and controller.phase is Phase.FLYING:
+            left_s = deaths[dying.agent.id] - controller.mission_time_s
+            if left_s <= due.next_time - clock.now():  # before any tick at the same instant
                 clock.wait_until(clock.now() + max(left_s, 0.0), never)
-                victim.end()
+                dying.kill()
                 continue
         clock.wait_until(due.next_time, never)
         due.tick()
         if due is controller and on_tick and controller.heartbeat.status:
             on_tick(controller.heartbeat.status)
-    for participant in living():
+    for participant in running():
         participant.shutdown()
 
 
-def _next_victim(
+def _next_to_die(
     simulated_agents: list[SimulatedAgent[Agent]], deaths: Mapping[str, float]
 ) -> SimulatedAgent[Agent] | None:
-    """Return who of the living dies next."""
-    doomed = [simulated for simulated in simulated_agents if not simulated.dead and simulated.agent.id in deaths]
-    return min(doomed, key=lambda simulated: deaths[simulated.agent.id], default=None)
+    """Return the agent whose death is next; None if none is to come."""
+    dying = [simulated for simulated in simulated_agents if not simulated.killed and simulated.agent.id in deaths]
+    return min(dying, key=lambda simulated: deaths[simulated.agent.id], default=None)

@@ -1,4 +1,4 @@
-"""Agents of a simulation: each may die, and leaves behind what it recorded."""
+"""Agents of a simulation, which can be killed like processes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Made_co = TypeVar("Made_co", covariant=True)
 
 
 class AgentFactory(Protocol[Made_co]):
-    """A kind of agent; see `Agent` and `SwarmAgent`."""
+    """Makes an agent of a class; see `Agent` and `SwarmAgent`."""
 
     def __call__(
         self,
@@ -39,7 +39,7 @@ class AgentFactory(Protocol[Made_co]):
 
 
 class SimulatedAgent(Generic[A]):
-    """An agent on a bus in memory, what it recorded, and whether it is dead."""
+    """An agent on an in-memory bus, with its record, and whether it was killed."""
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class SimulatedAgent(Generic[A]):
         seed: int,
         say: Callable[[str], None],
     ) -> None:
-        self.dead = False
+        self.killed = False
         self.recorder = MemoryRecorder()
         self._transport = bus.join()
         self.agent = make(
@@ -66,7 +66,7 @@ class SimulatedAgent(Generic[A]):
             say=say,
         )
 
-    def end(self) -> None:
-        """Die without a word: nothing more is moved, recorded or sent."""
-        self.dead = True
+    def kill(self) -> None:
+        """Kill the agent without a shutdown: it moves, records and sends nothing more."""
+        self.killed = True
         self._transport.close()

@@ -1,4 +1,4 @@
-"""Watching a fleet that flies without a controller: how things stand, from what the agents say."""
+"""Observes a fleet that flies without a controller: its status, from the agents' broadcasts."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from mpc_cover.service.protocol.decoding import RejectedError
 from mpc_cover.service.protocol.keys import Keys
 from mpc_cover.service.protocol.messages import Phase, Status
 from mpc_cover.service.run.observer import read_events
-from mpc_cover.service.swarm.radio import Codec
+from mpc_cover.service.swarm.radio_messages import Codec
 
 if TYPE_CHECKING:
     from mpc_cover.clock import Clock
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.protocol.bus import Transport
-    from mpc_cover.service.swarm.radio import Word
+    from mpc_cover.service.swarm.radio_messages import Word
 
 _DEPTH = 8192
 
 
 class SwarmObserver:
-    """Hears everyone, however far, and takes no part.
+    """Receives the broadcasts of all agents at any distance, and sends nothing.
 
     Attributes
     ----------
-    status : as a controller would tell it: covered is what the best-informed agent knows of.
-    words : the newest word of each agent, by id.
+    status : as a controller would report it: covered is what the best-informed agent knows of.
+    words : the newest broadcast of each agent, by id.
     """
 
     def __init__(self, mission: Mission, transport: Transport, clock: Clock) -> None:
@@ -33,13 +33,13 @@ class SwarmObserver:
         self.status: Status | None = None
         self.words: dict[str, Word] = {}
         self._clock, self._cells, self._codec = clock, mission.field.size, Codec(mission)
-        self._heard = transport.inbox(keys.word(), _DEPTH)
+        self._inbox = transport.inbox(keys.word(), _DEPTH)
         self._events = transport.inbox(keys.agent_event(), _DEPTH)
         self._seq = 0
 
     def look(self) -> list[str]:
-        """Take in what came; return the new events in words."""
-        for item in self._heard.drain():
+        """Take in what was received; return the texts of the new events."""
+        for item in self._inbox.drain():
             try:
                 word = self._codec.word(item.payload)
             except RejectedError:

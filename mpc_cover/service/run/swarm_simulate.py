@@ -1,4 +1,7 @@
-"""The agents of the distributed law in one process, on a virtual clock and a bus in memory: deterministic."""
+"""The simulation of the distributed law: its agents in one process, on a virtual clock and an in-memory bus.
+
+It is deterministic.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.clock import VirtualClock
+from mpc_cover.control.controller_name import ControllerName
 from mpc_cover.service.protocol.local import LocalBus
 from mpc_cover.service.run.recording import merge
 from mpc_cover.service.run.simulated_agent import SimulatedAgent
 from mpc_cover.service.run.swarm_observer import SwarmObserver
 from mpc_cover.service.swarm.agent import SwarmAgent
+from mpc_cover.trajectory_file import RecordingKind
 from mpc_cover.version import __version__
 
 if TYPE_CHECKING:
@@ -26,28 +31,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class SwarmFlight:
-    """What was flown, what was said, who died, and what it took.
+    """The result of a simulation.
 
     Attributes
     ----------
-    complete : whether everyone left knows that everything is covered.
-    decide_s : what each decision of each agent took [s], by id.
-    messages, bytes : sent by all together in flight; each word counts once, however many hear it.
-    estimate_errors : root mean square by which each agent's own estimate of the field is off, by id; of Kalman maps.
+    trajectory : what was flown.
+    events : the texts of all events.
+    complete : whether all agents left know that everything is covered.
+    lost : ids of the agents that died.
+    decision_times_s : durations of all decisions of each agent [s], by id.
+    messages, bytes : sent by all agents in flight; each broadcast counts once, however many receive it.
+    estimate_errors : root mean square error of each agent's own estimate of the field, by id; of Kalman maps.
     """
 
     trajectory: Recording
     events: list[str]
     complete: bool
     lost: tuple[str, ...]
-    decide_s: dict[str, list[float]]
+    decision_times_s: dict[str, list[float]]
     messages: int
     bytes: int
     estimate_errors: dict[str, float]
 
     @property
     def outcome(self) -> str:
-        """How it ended, in words."""
+        """How it ended, as a text."""
         if not self.complete:
             return "not everyone knows that everything is covered"
         return f"everything is covered without {', '.join(self.lost)}" if self.lost else "everything is covered"
@@ -65,10 +73,10 @@ def fly_swarm(
 
     Parameters
     ----------
-    seed : of the random signals, the order of escapes, and what disturbs the agents.
+    seed : of the random signals, the order of escapes, and the agents' disturbances.
     channel : see `LocalBus`.
-    deaths : at which mission time [s] agents die, as if their processes were killed, by id.
-    on_tick : told how things stand after each sample.
+    deaths : mission times [s] at which agents die, as if their processes were killed, by id.
+    on_tick : called with the status after each sample.
 
     Raises
     ------
@@ -76,28 +84,33 @@ def fly_swarm(
         The law cannot fly this mission.
     """
     clock, events = VirtualClock(), list[str]()
-    line = LocalBus(clock, channel)
+    bus = LocalBus(clock, channel)
     simulated_agents = [
-        SimulatedAgent(SwarmAgent, mission, name, line, clock, seed=seed, say=events.append)
+        SimulatedAgent(SwarmAgent, mission, name, bus, clock, seed=seed, say=events.append)
         for name in mission.fleet.ids
     ]
-    observer = SwarmObserver(mission, line.join(), clock)
+    observer = SwarmObserver(mission, bus.join(), clock)
     _run(clock, simulated_agents, deaths or {}, (observer, on_tick) if on_tick else None)
-    died = [simulated.agent.id for simulated in simulated_agents if simulated.dead]
-    meta = {"kind": "simulate", "version": __version__, "seed": seed, "controller": "potential"}
+    died = [simulated.agent.id for simulated in simulated_agents if simulated.killed]
+    meta = {
+        "kind": RecordingKind.SIMULATE,
+        "version": __version__,
+        "seed": seed,
+        "controller": ControllerName.POTENTIAL,
+    }
     return SwarmFlight(
         trajectory=merge(mission, [simulated.recorder.pieces for simulated in simulated_agents], meta, died),
         events=events,
         complete=len(died) < len(simulated_agents)
-        and all(simulated.dead or simulated.agent.exit_status == 0 for simulated in simulated_agents),
+        and all(simulated.killed or simulated.agent.exit_status == 0 for simulated in simulated_agents),
         lost=tuple(died),
-        decide_s={simulated.agent.id: simulated.agent.decide_s for simulated in simulated_agents},
+        decision_times_s={simulated.agent.id: simulated.agent.decision_times_s for simulated in simulated_agents},
         messages=sum(simulated.agent.sent["messages"] for simulated in simulated_agents),
         bytes=sum(simulated.agent.sent["bytes"] for simulated in simulated_agents),
         estimate_errors={
             simulated.agent.id: error
             for simulated in simulated_agents
-            if not simulated.dead and (error := simulated.agent.estimate_error) is not None
+            if not simulated.killed and (error := simulated.agent.estimate_error) is not None
         },
     )
 
@@ -108,7 +121,7 @@ def _run(
     deaths: Mapping[str, float],
     watch: tuple[SwarmObserver, Callable[[Status], None]] | None,
 ) -> None:
-    """Tick whoever is due next, in the order of the mission's agents at the same instant."""
+    """Tick the agent that is due next, in the order of the mission's agents at the same instant."""
     never, shown = Event(), -np.inf
     for simulated in simulated_agents:
         simulated.agent.startup()
@@ -117,7 +130,7 @@ def _run(
         time_s = due.agent.next_time
         for simulated in simulated_agents:
             if time_s - simulated.agent.start_s >= deaths.get(simulated.agent.id, np.inf):
-                simulated.end()
+                simulated.kill()
         if not _flies(due):
             continue
         clock.wait_until(time_s, never)
@@ -126,13 +139,13 @@ def _run(
             shown = time_s
             _show(*watch)
     for simulated in simulated_agents:
-        if not simulated.dead:
+        if not simulated.killed:
             simulated.agent.shutdown()
 
 
 def _flies(simulated: SimulatedAgent[SwarmAgent]) -> bool:
-    """Return whether an agent is neither dead nor done."""
-    return not simulated.dead and not simulated.agent.done
+    """Return whether an agent is neither killed nor done."""
+    return not simulated.killed and not simulated.agent.done
 
 
 def _show(observer: SwarmObserver, on_tick: Callable[[Status], None]) -> None:

@@ -1,8 +1,8 @@
-"""How agents of the distributed law agree on when to begin, with nobody in charge.
+"""How the agents of the distributed law agree on a start time without a coordinator.
 
-Everyone says over and over that it is there and of whom it knows, to whoever is in range. The mission's first agent
-names a time as soon as it knows of all, so far ahead that word gets round, and everyone passes it on. All share one
-clock: processes of one machine do.
+Every agent announces repeatedly that it is present and which others it knows of, to those in range. The mission's first
+agent chooses a start time as soon as it knows of all, far enough ahead for the announcement to reach every agent, and
+all pass it on. All share one clock, as processes on one machine do.
 """
 
 from __future__ import annotations
@@ -16,32 +16,32 @@ from mpc_cover.service.protocol.decoding import RejectedError
 from mpc_cover.service.protocol.fingerprint import mission_hash
 from mpc_cover.service.protocol.keys import Keys, agent_of
 from mpc_cover.service.protocol.messages import encode
-from mpc_cover.service.swarm.radio import Hello
+from mpc_cover.service.swarm.radio_messages import Hello
 
 if TYPE_CHECKING:
     from mpc_cover.clock import Clock
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.protocol.bus import Transport
     from mpc_cover.service.protocol.events import EventLog
-    from mpc_cover.service.swarm.radio import Codec
+    from mpc_cover.service.swarm.radio_messages import Codec
 
-AGAIN_S = 0.1
-"""How often an agent says that it is there [s of the machine's clock]."""
+ANNOUNCE_EVERY_S = 0.1
+"""Period of the announcements [s of the machine's clock]."""
 NOTICE_S = 0.5
-"""How long before the start the last agent should hear of it, besides the way of the word [s of the same]."""
-APART_S = 2.0
-"""Clocks that are farther apart than this, less the way of a word, are not one clock [s of the same]."""
+"""How long before the start the last agent should learn of it, besides the transmission time [s of the same]."""
+CLOCK_SKEW_MAX_S = 2.0
+"""Clocks that differ by more than this, transmission included, are not one clock [s of the same]."""
 _DEPTH = 1024
 HELLO = bus.Quality("INTERACTIVE_HIGH")
 
 
 class StartAgreement:
-    """One agent's part of it; `start_s` is the time agreed on by the clock, or None.
+    """One agent's part in the agreement; `start_s` is the time agreed on by the clock, or None.
 
     Parameters
     ----------
     identity : agent id and instance.
-    seed, speed : the fleet's; who says another is not listened to.
+    seed, speed : the fleet's; agents that announce others are ignored.
     """
 
     def __init__(
@@ -62,8 +62,8 @@ class StartAgreement:
         self._clock, self._codec, self._events = clock, codec, events
         self._seed, self._speed = seed, speed
         keys = Keys(mission.spec.name)
-        self._said = transport.publisher(keys.hello(self._id), HELLO)
-        self._heard = transport.inbox(keys.hello(), _DEPTH)
+        self._publisher = transport.publisher(keys.hello(self._id), HELLO)
+        self._inbox = transport.inbox(keys.hello(), _DEPTH)
         self._present = {self._id}
         self._due_s = clock.now()
         self._period_s = mission.spec.control.period_s
@@ -71,38 +71,38 @@ class StartAgreement:
 
     @property
     def next_time(self) -> float:
-        """When to speak next [s]."""
+        """When the next announcement is due [s]."""
         return self._due_s
 
     def tick(self) -> None:
-        """Listen, and say who is known to be there and when it begins."""
+        """Take in the announcements of others, and announce which agents are present and the start time if known."""
         now = self._clock.now()
-        for item in self._heard.drain():
+        for item in self._inbox.drain():
             try:
                 hello = self._codec.hello(item.payload)
             except RejectedError as error:
-                self._events.tell(error.reason.name.lower(), f"ignores {agent_of(item.key)}: {error}")
+                self._events.emit(error.reason.name.lower(), f"ignores {agent_of(item.key)}: {error}")
                 continue
             if hello.agent != self._id or hello.instance != self._instance:
-                self._take(hello, now)
+                self._receive(hello, now)
         if self.start_s is None and self._index == 0 and len(self._present) == self._fleet.size:
-            hops = 2.0 * AGAIN_S * self._fleet.size
+            hops = 2.0 * ANNOUNCE_EVERY_S * self._fleet.size
             self.start_s = now + self._period_s + self._speed * (hops + NOTICE_S)
-            self._events.tell("start", f"all {self._fleet.size} agents are there: names the start")
-        self._say(now)
-        self._due_s = max(self._due_s + AGAIN_S * self._speed, now)
+            self._events.emit("start", f"all {self._fleet.size} agents are there: names the start")
+        self._announce(now)
+        self._due_s = max(self._due_s + ANNOUNCE_EVERY_S * self._speed, now)
 
-    def _take(self, hello: Hello, now: float) -> None:
-        """Believe those in range who are of the same mission."""
+    def _receive(self, hello: Hello, now: float) -> None:
+        """Accept the announcement of an agent in range that flies the same mission."""
         if hello.agent == self._id:
-            self._events.tell("twice", f"another process says that it is {self._id}, too")
+            self._events.emit("twice", f"another process says that it is {self._id}, too")
             return
         if (problem := self._problem(hello, now)) is not None:
-            self._events.tell("misfit", f"ignores {hello.agent}: {problem}")
+            self._events.emit("misfit", f"ignores {hello.agent}: {problem}")
             return
         away = np.linalg.norm(np.array(hello.position) - self._fleet.start[self._index])
         if away > self._fleet.communication_range:
-            return  # no radio would hear it
+            return  # out of radio range
         self._present.update((hello.agent, *hello.present))
         if self.start_s is None and hello.start_s is not None:
             self.start_s = hello.start_s
@@ -112,11 +112,11 @@ class StartAgreement:
             return "its mission is another one, although of the same name"
         if (hello.seed, hello.speed) != (self._seed, self._speed):
             return f"its --seed {hello.seed} and --speed {hello.speed:g} are not {self._seed} and {self._speed:g}"
-        if abs(hello.time_s - now) > APART_S * self._speed:
+        if abs(hello.time_s - now) > CLOCK_SKEW_MAX_S * self._speed:
             return "its clock is another one: agents that fly without a controller must share the machine's clock"
         return None
 
-    def _say(self, now: float) -> None:
+    def _announce(self, now: float) -> None:
         hello = Hello(
             agent=self._id,
             instance=self._instance,
@@ -128,10 +128,10 @@ class StartAgreement:
             present=tuple(sorted(self._present)),
             start_s=self.start_s,
         )
-        self._said.publish(encode(hello))
+        self._publisher.publish(encode(hello))
 
     @property
     def text(self) -> str:
-        """Whom it waits for."""
+        """Which agents it waits for."""
         missing = [name for name in self._fleet.ids if name not in self._present]
         return f"waits for {', '.join(missing)}" if missing else "waits for the start"

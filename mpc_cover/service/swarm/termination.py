@@ -1,4 +1,4 @@
-"""Termination detection: an agent ends once it knows that everyone knows that everything is covered."""
+"""Termination detection: an agent ends once it knows that all agents know that everything is covered."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mpc_cover.distributed.state_report import Report
+    from mpc_cover.distributed.state_report import StateReport
 
 _GONE_AFTER = 6
-"""Samples beyond the way of a word and the silence of the lost after which someone is done without."""
+"""Samples, beyond a report's way through the fleet and the timeout of the lost, after which an agent is given up."""
 _LINGER = 2
-"""Samples beyond the way of a word for which whoever knows that all know goes on telling the others."""
+"""Samples, beyond a report's way through the fleet, for which an agent that may end keeps informing the others."""
 
 
 class Termination(Enum):
-    """How far an agent is with it."""
+    """How far an agent is from ending."""
 
     OPEN = auto()
     KNOWN = auto()
     """It knows that everything is covered."""
     KNOWN_BY_ALL = auto()
-    """It has just learnt that everyone knows."""
+    """It has just learnt that all agents know."""
     LINGERING = auto()
-    """It stays for those who may not have heard yet."""
+    """It keeps informing agents that may not know yet."""
     OVER = auto()
 
 
 class TerminationDetector:
-    """One agent's.
+    """The termination detector of one agent.
 
     Parameters
     ----------
-    agents : m; a word gets around in so many samples.
+    agents : m; a report reaches every agent within so many samples.
     lost_after : samples of silence after which a neighbour is taken for lost.
     """
 
@@ -42,8 +42,8 @@ class TerminationDetector:
         self._agents, self._patience = agents, agents + lost_after + _GONE_AFTER
         self._until: int | None = None
 
-    def update(self, own: Report, newest: Mapping[int, Report], sample: int, *, at_rest: bool) -> Termination:
-        """Take in the own state and the newest of each agent, the own one included; return how far it is."""
+    def update(self, own: StateReport, newest: Mapping[int, StateReport], sample: int, *, at_rest: bool) -> Termination:
+        """Take in the own report and the newest of each agent, the own one included; return how far the agent is."""
         if self._until is not None:
             return Termination.OVER if sample >= self._until else Termination.LINGERING
         if not own.complete:
@@ -53,6 +53,6 @@ class TerminationDetector:
             return Termination.KNOWN_BY_ALL
         return Termination.KNOWN
 
-    def _knows(self, report: Report, now: int) -> bool:
+    def _knows(self, report: StateReport, now: int) -> bool:
         """Return whether an agent knows that everything is covered, or has been silent for so long that it is gone."""
         return report.complete or now - report.sample > self._patience

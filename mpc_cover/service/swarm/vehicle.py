@@ -1,7 +1,7 @@
-"""The body of an agent of the distributed law: it does what it is told for a period, and then brakes by itself.
+"""The simulated vehicle of an agent of the distributed law: it holds a command for a period, and then brakes.
 
-It is moved to the end of each period at the period's start: nothing can be told to it in between. So a process that
-dies leaves a body that finishes the period, as its neighbours expect (`distributed.agent_controller`).
+It is moved to the end of each period at the period's start: no command can reach it in between. So a vehicle whose
+process dies finishes the period, as its neighbours expect (`distributed.agent_controller`).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from mpc_cover.distributed.double_integrator_filter import stopping_balls
+from mpc_cover.mission.config import Dynamics
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.service.agent.schedule import Schedule, ScheduledPlan
 from mpc_cover.service.agent.vehicle import make_vehicle
@@ -24,11 +25,11 @@ if TYPE_CHECKING:
 
 
 class CommandedVehicle(Protocol):
-    """What the agent needs of its body."""
+    """What the agent needs of its vehicle."""
 
     @property
     def state(self) -> tuple[FloatArray, FloatArray]:
-        """Position and velocity (d,) [m], [m/s] that it was told to have by the end of the period."""
+        """Position and velocity (d,) [m], [m/s] that its command leads to by the end of the period."""
         ...
 
     def hold(self, start_s: float, command: FloatArray, number: int) -> None:
@@ -41,7 +42,7 @@ class CommandedVehicle(Protocol):
 
 
 class DoubleIntegratorVehicle:
-    """A double integrator that tracks what it is told, disturbed or not (`service.agent.vehicle`).
+    """A double integrator that tracks its commands, disturbed or not (`service.agent.vehicle`).
 
     Parameters
     ----------
@@ -80,7 +81,7 @@ class DoubleIntegratorVehicle:
             self._recorder.close(self._vehicle.nominal.time_s, *self._vehicle.truth)
 
     def _plan(self, start_s: float, force: FloatArray, number: int) -> ScheduledPlan:
-        """Return a plan of the force held for a period, then of the constant force that brakes (`stopping_filter`)."""
+        """Return a plan: the force held for a period, then the braking force of `double_integrator_filter`."""
         position, velocity = [self.state[0]], [self.state[1]]
         forces = [force]
         while True:
@@ -135,7 +136,7 @@ class SingleIntegratorVehicle:
 def make_commanded_vehicle(
     mission: Mission, fleet: Fleet, index: int, start_s: float, seed: int, recorder: Recorder | None
 ) -> CommandedVehicle:
-    """Return the body of agent number `index`, at rest at its start at `start_s` of the clock."""
-    if mission.spec.fleet.dynamics == "single":
+    """Return the vehicle of agent number `index`, at rest at its start at `start_s` of the clock."""
+    if mission.spec.fleet.dynamics is Dynamics.SINGLE:
         return SingleIntegratorVehicle(mission, index, start_s, recorder)
     return DoubleIntegratorVehicle(mission, fleet, index, start_s, seed, recorder)

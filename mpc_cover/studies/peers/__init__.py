@@ -1,1 +1,1 @@
-"""Those who solve the same problem, one a file: ours with each back-end, and general-purpose solvers."""
+"""The peers of the planner's benchmark, one per file: ours with each back-end, and general-purpose solvers."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Condensed:
-    """One case in its inputs, and in its first state where that is free.
+    """One case as a function of its inputs, and of its first state where that is free.
 
     Vectors (n,) stack the free parts of q(0) and v(0) and the inputs u(0) to u(N-1).
     """
@@ -48,7 +48,7 @@ class Condensed:
         self._q0, self._v0 = to_q @ fixed, to_v @ fixed
 
     def pack(self, x: FloatArray) -> FloatArray:
-        """Return v of a decision vector of the window."""
+        """Return v of a decision vector of the OCP."""
         position, velocity = self._ocp.motion(x)
         force = np.diff(velocity, axis=0) / self._ocp.period
         return np.asarray(np.concatenate([position[0].ravel(), velocity[0].ravel(), force.ravel()])[self._free])

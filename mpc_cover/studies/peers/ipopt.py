@@ -1,4 +1,4 @@
-"""CasADi and IPOPT: what a researcher would write today, as well as we know how to.
+"""CasADi and IPOPT: the formulation that a researcher would write today, tuned as well as we could.
 
 Chosen by measuring on box-3 from both guesses: MUMPS (it comes along), monotone barrier (neither the adaptive one,
 nor a smaller one to begin later stages with, nor a longer memory of L-BFGS was faster), tolerance 1e-4 on the
@@ -34,7 +34,7 @@ def smoothed(case: Case, x: FloatArray, watch: Watch, *, exact_hessian: bool) ->
 
 
 def hard(case: Case, x: FloatArray, watch: Watch) -> Answer:
-    """Solve with the minimum as it is, although it has kinks: what everyone writes first.
+    """Solve with the minimum as it is, although it has kinks: the usual first formulation.
 
     L-BFGS, as the minimum's second derivative is not what bends J. One stage; the sensing margin is that of the
     sharpest soft minimum.

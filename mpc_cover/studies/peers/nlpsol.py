@@ -50,7 +50,7 @@ class Viewer(cs.Callback):  # type: ignore[misc]
         return cs.Sparsity.dense(size, 1)
 
     def eval(self, arguments: Sequence[Any]) -> list[int]:
-        """Look at an iterate; an exception must not cross the border to C++ and is kept for `run`."""
+        """Pass on an iterate; an exception must not propagate into C++ and is kept for `run`."""
         self.count += 1
         try:
             w = np.asarray(arguments[0], dtype=float).ravel()

@@ -1,7 +1,7 @@
 """Our planner from the given guess, with each back-end, and `mpc-cover plan` with starts of its own.
 
-Both are `planning.planner.Planner` as `mpc-cover plan` uses it: nothing is tuned here. What its SQP accepts is seen
-through `Task.on_iterate`.
+Both are `planning.planner.Planner` as `mpc-cover plan` uses it: nothing is tuned here. The iterates that its SQP
+accepts are observed through `Task.on_iterate`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def from_guess(case: Case, x: FloatArray, watch: Watch, *, backend: str) -> Answ
 
 
 def from_own_starts(case: Case, x: FloatArray, watch: Watch) -> Answer:
-    """Plan as `mpc-cover plan` does; the given guess `x` is not looked at."""
+    """Plan as `mpc-cover plan` does; the given guess `x` is not used."""
     return _planned(case, x, watch, "piqp", None)
 
 
@@ -49,7 +49,7 @@ def _planned(case: Case, x: FloatArray, watch: Watch, backend: str, given: Mappi
 
 
 class _Iterates:
-    """Shows the watch each iterate; one that covers everything ends the search as it ends any peer's.
+    """Passes each iterate to the watch; one that covers everything ends the search, as for all peers.
 
     Attributes
     ----------

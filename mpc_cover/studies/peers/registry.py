@@ -1,4 +1,4 @@
-"""The peers by name; each is imported when its turn comes, as most need what is not always installed."""
+"""The peers by name; each is imported when it is run, as most need optional packages."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from mpc_cover.studies.watch import Peer
 
 OURS = "ours-piqp"
-"""Whom the times of all others are compared with."""
+"""The peer whose times all others are compared with."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One peer: where its function is, what it is called with, and what it is, in a line."""
+    """One peer: the module and name of its function, its options, and a description of one line."""
 
     name: str
     module: str
@@ -63,7 +63,7 @@ def chosen(names: str | None) -> list[Entry]:
     Raises
     ------
     UserError
-        For a name that is nobody's, or none at all.
+        For an unknown name, or an empty list.
     """
     if names is None:
         return list(PEERS.values())

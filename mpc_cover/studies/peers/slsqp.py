@@ -1,7 +1,7 @@
 """SciPy's SLSQP on the condensed form: the thesis's own way (a dense SQP in v = (z0, u), 3.19 to 3.22).
 
-All derivatives are exact. What takes its time is the dense least-squares problem in every iteration, with a row
-for each sample and constraint.
+All derivatives are exact. Most time is spent on the dense least-squares problem in every iteration, with a row for
+each sample and constraint.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ class Transcription:
         self.lower, self.upper = self._variable_bounds()
 
     def pack(self, x: FloatArray) -> FloatArray:
-        """Return w of a decision vector of the window."""
+        """Return w of a decision vector of the OCP."""
         position, velocity = self._case.ocp.motion(x)
         return np.concatenate([position.ravel(), velocity.ravel()])
 

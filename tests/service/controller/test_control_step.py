@@ -24,7 +24,7 @@ def test_a_plan_that_comes_too_late_is_not_sent_and_nobody_has_to_refuse_one(ben
     law, controller = slow_flight(bench, LATE_S, range(3, 100))
     assert len(bench.plans()) == 1 + 3  # the first plan, and those of the steps in time
     assert len(law.sent) == 1 + 3
-    assert controller.steps.misses >= 2
+    assert controller.step_log.misses >= 2
     assert any("is not sent" in said for said in bench.said)
     assert not fleet[0].rejected
     assert not fleet[1].rejected
@@ -43,7 +43,7 @@ def test_after_a_late_plan_the_next_step_starts_on_the_one_that_is_flown(fleet, 
     for state in (late, after):
         np.testing.assert_allclose(np.array(flown.at(state.time)), [state.position, state.velocity], atol=1e-9)
     assert [sent.start_time for sent in law.sent[3:5]] == [flown.start_time, after.time]
-    assert controller.steps.misses >= 1
+    assert controller.step_log.misses >= 1
     assert not any(agent.rejected for agent in fleet)
 
 
@@ -109,13 +109,13 @@ def test_a_step_that_starts_late_has_less_time_and_none_at_all_half_a_budget_lat
     control = bench.mission.spec.control
     budget_s = control.deadline_fraction * control.period_s
     for part, steps in ((0.3, 1), (0.6, 0)):
-        before, skipped = len(law.in_flight), controller.steps.skipped
+        before, skipped = len(law.in_flight), controller.step_log.skipped
         due_s = controller.next_time
         bench.run(seconds=due_s - bench.clock.now() + part * budget_s)  # agents alone
         bench.wait_until(due_s + part * budget_s)
         controller.tick()
         assert len(law.in_flight) == before + steps
-        assert controller.steps.skipped == skipped + 1 - steps
+        assert controller.step_log.skipped == skipped + 1 - steps
         if steps:
             assert law.budgets_s[-1] == pytest.approx((1.0 - part) * budget_s)
 
@@ -137,7 +137,7 @@ def test_whether_there_is_a_deadline_makes_no_difference_to_who_keeps_it(budget_
         assert controller.phase is Phase.COMPLETE
         plans = [bench.hear(bench.keys.plan(name)).drain() for name in ("a1", "a2")]
         states = [(state.time, state.position.tobytes(), state.velocity.tobytes()) for state in law.states]
-        sources = [(step.kind, step.mission_time_s, step.plan_source) for step in controller.steps.steps]
+        sources = [(step.kind, step.mission_time_s, step.plan_source) for step in controller.step_log.steps]
         flights.append((plans, states, sources, law.budgets_s))
     (*ours, budgets_s), (*others, counted_s) = flights
     assert ours == others
@@ -166,5 +166,5 @@ def test_more_work_than_was_budgeted_is_a_deadline_missed_on_a_clock_that_counts
     controller = bench.controller(law)
     bench.run(controller, until=lambda: len(law.in_flight) >= 4)
     assert law.left_s == pytest.approx(law.budgets_s[-1] - work_s)
-    assert controller.steps.misses == (4 if missed else 0)
+    assert controller.step_log.misses == (4 if missed else 0)
     assert len(law.sent) == 1 + 4

@@ -19,7 +19,7 @@ def test_repeated_and_reordered_states_are_rejected_and_the_map_is_the_same(miss
             bench.agent(name)
         controller = bench.controller(law)
         bench.run(controller, until=lambda: controller.done)
-        return controller.coverage.first, controller.fleet.rejected
+        return controller.coverage.first, controller.fleet_monitor.rejected
 
     past = {}
 
@@ -49,7 +49,7 @@ def test_states_that_cannot_be_are_rejected(bench, fleet, law):
         publisher.publish(json.dumps({**newest, "seq": 10**6, "time_s": newest["time_s"] + 0.01, **fields}).encode())
     publisher.publish(b"{")
     controller.tick()
-    assert controller.fleet.rejected == {
+    assert controller.fleet_monitor.rejected == {
         Reason.IMPLAUSIBLE: 1,
         Reason.WRONG_AGENT: 2,
         Reason.OLD: 1,
@@ -83,5 +83,5 @@ def test_reports_are_late_by_the_delay_and_clocks_are_still_known_exactly():
     bench.agent("a2")
     controller = bench.controller(StraightSweepLaw(bench.mission))
     bench.run(controller, until=lambda: controller.done)
-    assert [link.offset for link in controller.fleet.links] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert [link.offset for link in controller.fleet_monitor.links] == pytest.approx([0.0, 0.0], abs=1e-9)
     assert controller.exit_status == 0

@@ -80,7 +80,7 @@ def test_in_flight_everyone_comes_to_rest_and_flies_on_for_the_new_area(bench, f
     assert controller.exit_status == 0
     assert controller.coverage.complete
     assert not any(agent.rejected for agent in fleet)
-    assert not controller.fleet.rejected
+    assert not controller.fleet_monitor.rejected
 
 
 def test_what_is_measured_while_everyone_comes_to_rest_counts_for_the_new_area(bench, fleet, start):
@@ -127,7 +127,7 @@ def test_back_to_what_it_was(bench, fleet, start):
         bench.run(controller, until=flying(controller))
         ask(bench, wanted, f"r{number}")
         bench.run(controller, until=lambda wanted=wanted: controller.mission.to_json() == wanted.to_json())
-    assert not controller.fleet.on_earlier_versions()
+    assert not controller.fleet_monitor.on_earlier_versions()
     bench.run(controller, until=lambda: controller.done)
     assert controller.exit_status == 0
 
@@ -166,11 +166,11 @@ def test_a_patrol_that_is_over_has_no_mission_time_left_to_lose(bench):
 def test_what_is_known_already_is_not_flown_again(bench, fleet, start):
     controller = start(stay=True)
     bench.run(controller, until=lambda: controller.phase is Phase.COMPLETE)
-    steps = len(controller.steps.steps)
+    steps = len(controller.step_log.steps)
     answers = ask(bench, version(bench.mission, 1.0, 3.0))
     bench.run(controller, until=lambda: answers)
     bench.run(controller, until=lambda: controller.phase is Phase.COMPLETE)
-    assert len(controller.steps.steps) == steps
+    assert len(controller.step_log.steps) == steps
 
 
 def test_a_paused_fleet_waits_for_resume(bench, fleet, start):

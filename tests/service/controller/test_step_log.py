@@ -51,11 +51,11 @@ def test_whatever_is_proposed_the_log_is_readable(tmp_path, fault):
     bench = Bench(small_mission(height=9.0))
     bench.agent("a1"), bench.agent("a2")
     controller = bench.controller(
-        FaultyLaw(bench.mission, fault, 3, goal_y=8.5), steps=StepLog(tmp_path / "steps.jsonl")
+        FaultyLaw(bench.mission, fault, 3, goal_y=8.5), step_log=StepLog(tmp_path / "steps.jsonl")
     )
     bench.run(controller, until=lambda: controller.done)
     controller.shutdown()
     steps = read_steps(tmp_path / "steps.jsonl")
-    assert steps == list(controller.steps.steps)
+    assert steps == list(controller.step_log.steps)
     assert [step.kind for step in steps].count("step") == 2 + 3
     np.testing.assert_allclose([step.mission_time_s for step in steps[:6]], 0.5 * np.arange(6), atol=1e-9)

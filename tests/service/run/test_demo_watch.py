@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from mpc_cover.mission.load import load_mission
-from mpc_cover.service.run.demo_watch import Watch, ended_well
+from mpc_cover.service.run.demo_watch import Watch, completion_text
 
 
 @pytest.mark.parametrize(("name", "words"), [("patrol", "the patrol is over"), ("kalman", "everything is covered")])
@@ -19,5 +19,5 @@ def test_a_patrol_is_never_said_to_have_everything_covered(name, words):
     )
     observer, progress = SimpleNamespace(status=None, look=list), SimpleNamespace(say=lambda _: None)
     signals = SimpleNamespace(stop=Event())
-    watch = Watch(processes, observer, signals, progress, over=ended_well(load_mission(name)))
-    assert watch.until_over() == words
+    watch = Watch(processes, observer, signals, progress, over=completion_text(load_mission(name)))
+    assert watch.until_over().text == words

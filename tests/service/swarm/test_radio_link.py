@@ -7,7 +7,7 @@ from swarm_missions import swarm_mission
 from mpc_cover.information.delay import adjacency
 from mpc_cover.service.protocol.bus import Quality
 from mpc_cover.service.run.swarm_simulate import fly_swarm
-from mpc_cover.service.swarm.radio import Codec
+from mpc_cover.service.swarm.radio_messages import Codec
 
 HISTORYLESS = Quality("DATA")
 

@@ -7,16 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from swarm_missions import swarm_mission
 
-from mpc_cover.distributed.state_report import Report
+from mpc_cover.distributed.state_report import StateReport
 from mpc_cover.service.protocol.decoding import MAX_PAYLOAD, Reason, RejectedError
 from mpc_cover.service.protocol.messages import encode
-from mpc_cover.service.swarm.radio import Codec, Hello, Word
+from mpc_cover.service.swarm.radio_messages import Codec, Hello, Word
 
 CODEC = Codec(swarm_mission())
 number = st.floats(-1e6, 1e6)
 vector = st.tuples(number, number).map(np.array)
 reports = st.builds(
-    Report,
+    StateReport,
     agent=st.integers(0, 2),
     sample=st.integers(0, 10**6),
     time_s=number,
@@ -61,7 +61,7 @@ def test_anything_else_is_rejected(payload):
 
 
 GOOD = msgspec.json.decode(
-    encode(word(CODEC.note(Report(0, 1, 0.5, np.zeros(2), np.zeros(2), looked=np.zeros(2), looked_s=0.0))))
+    encode(word(CODEC.note(StateReport(0, 1, 0.5, np.zeros(2), np.zeros(2), looked=np.zeros(2), looked_s=0.0))))
 )
 
 

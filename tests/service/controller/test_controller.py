@@ -27,7 +27,7 @@ def test_a_mission_from_waiting_to_everyone_at_rest(bench, fleet, law):
     assert controller.coverage.complete
     assert all(agent.at_rest for agent in fleet)
     assert not Counter(agent.rejected for agent in fleet if agent.rejected)
-    assert not controller.fleet.rejected
+    assert not controller.fleet_monitor.rejected
 
 
 def test_it_waits_for_every_agent_and_says_for_whom(bench, law):
@@ -80,7 +80,7 @@ def test_ticks_lie_on_the_grid_and_missed_ones_are_skipped(bench, fleet, law):
     for agent in fleet:
         agent.tick()
     controller.tick()
-    skipped = controller.steps.skipped
+    skipped = controller.step_log.skipped
     assert skipped >= 1
     assert (controller.next_time - first) / 0.5 == pytest.approx(round((controller.next_time - first) / 0.5), abs=1e-6)
     bench.run(controller, until=lambda: controller.done)
@@ -104,7 +104,7 @@ def test_under_loss_and_repeats_nobody_is_in_two_minds(mission, seed):
     assert controller.exit_status == 0
     assert all(agent.at_rest for agent in fleet)
     assert set().union(*(agent.rejected for agent in fleet)) <= {Reason.OLD, Reason.START, Reason.EXPIRED}
-    assert set(controller.fleet.rejected) <= {Reason.OLD}
+    assert set(controller.fleet_monitor.rejected) <= {Reason.OLD}
 
 
 def test_an_agent_that_starts_anew_makes_the_fleet_regroup(bench, fleet, law):

@@ -1,6 +1,6 @@
-"""What agents of the distributed law say, to whoever is within range: see `distributed.state_report`.
+"""What agents of the distributed law broadcast to those within range, and its encoding; see `distributed.state_report`.
 
-Payloads are JSON with a schema version like all others (`messages`); what is wrong is a counted rejection.
+Payloads are JSON with a schema version like all others (`messages`); a malformed one is a counted rejection.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import numpy as np
 
-from mpc_cover.distributed.state_report import Report
+from mpc_cover.distributed.state_report import StateReport
 from mpc_cover.service.protocol.decoding import Reason, RejectedError, decode_with, require_finite
 from mpc_cover.service.protocol.messages import Count, Id, Message, Vector
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
 
 FARTHEST_AHEAD = 2
-"""A report may be so many samples ahead of the agent that hears it; more is nonsense."""
+"""A report may be so many samples ahead of the agent that receives it; more is implausible."""
 
 
 class Hello(Message, frozen=True, kw_only=True):
-    """An agent that waits for the others; `present` are all of whom it knows that they wait, too.
+    """The announcement of an agent that waits for the others; `present` are all agents that it knows to be waiting.
 
-    `start_s` is when the flight begins, by the clock that all share; None until the first agent has named it. `speed`
+    `start_s` is when the flight begins, by the clock that all share; None until the first agent has chosen it. `speed`
     is how many seconds of that clock pass in a second, `time_s` is now.
     """
 
@@ -42,7 +42,7 @@ class Hello(Message, frozen=True, kw_only=True):
 
 
 class Note(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """A `Report` as it is sent: agents by name, SI units, mission time."""
+    """A `StateReport` as it is sent: agents by name, SI units, mission time."""
 
     agent: Id
     sample: Count
@@ -58,9 +58,10 @@ class Note(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class Word(Message, frozen=True, kw_only=True):
-    """An agent's own report, the news that it passes on, and the first samples of the others that it lacks.
+    """The broadcast of an agent in flight: its own report, those that it relays, and what it has not received.
 
-    `owed` is how many cells are owed by its own map, `start_s` when the flight began by the clock that all share.
+    `news` are the relayed reports, `missing` the first sample of each agent that it has not received. `owed` is how
+    many cells are owed by its own map, `start_s` when the flight began by the clock that all share.
     """
 
     agent: Id
@@ -79,11 +80,11 @@ _WORD = msgspec.json.Decoder(Word)
 
 
 class Codec:
-    """Between reports of a mission and bytes.
+    """Encodes and decodes the state reports of a mission's agents.
 
     Parameters
     ----------
-    mission : whose agents speak.
+    mission : whose agents broadcast.
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -91,7 +92,7 @@ class Codec:
         self._index = {name: index for index, name in enumerate(self._ids)}
         self._dimension = mission.fleet.dimension
 
-    def note(self, report: Report) -> Note:
+    def note(self, report: StateReport) -> Note:
         """Return a report as it is sent."""
         return Note(
             agent=self._ids[report.agent],
@@ -107,9 +108,9 @@ class Codec:
             readings=() if report.readings is None else tuple(report.readings.tolist()),
         )
 
-    def report(self, note: Note) -> Report:
-        """Return the report in a note that was decoded here."""
-        return Report(
+    def report(self, note: Note) -> StateReport:
+        """Return the report in a note that this codec has decoded."""
+        return StateReport(
             self._index[note.agent],
             note.sample,
             note.time_s,
@@ -124,7 +125,7 @@ class Codec:
         )
 
     def hello(self, payload: bytes) -> Hello:
-        """Return a hello of one of the mission's agents.
+        """Return the announcement of one of the mission's agents.
 
         Raises
         ------
@@ -137,7 +138,7 @@ class Codec:
         return hello
 
     def word(self, payload: bytes) -> Word:
-        """Return a word of one of the mission's agents about itself, with news of the others.
+        """Return the broadcast of one of the mission's agents about itself, with relayed reports of the others.
 
         Raises
         ------

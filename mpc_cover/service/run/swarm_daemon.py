@@ -1,4 +1,4 @@
-"""An agent without a controller as a process: `mpc-cover agent --controller potential`."""
+"""The daemon of an agent without a controller: `mpc-cover agent --controller potential`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from mpc_cover.distributed.setup import check_flyable
 from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT, NetworkOptions
-from mpc_cover.service.run.serve import be_agent, check_member
+from mpc_cover.service.run.serve import check_agent_id, run_agent_process
 from mpc_cover.service.swarm.agent import SwarmAgent
 
 if TYPE_CHECKING:
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from mpc_cover.service.run.serve import AgentOptions
 
 
-def fly_alone(mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions) -> int:
-    """Be an agent that flies by the potential law until everyone knows that everything is covered.
+def run_swarm_agent(mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions) -> int:
+    """Run an agent that flies by the potential law until all agents know that everything is covered.
 
     Returns
     -------
@@ -27,20 +27,20 @@ def fly_alone(mission: Mission, agent_id: str, options: AgentOptions, network: N
     UserError
         The mission has no such agent, the law cannot fly it, or the network cannot be used as asked.
     """
-    check_member(mission, agent_id)
+    check_agent_id(mission, agent_id)
     check_flyable(mission)
-    network = _among_themselves(mission, agent_id, network)
+    network = _with_default_endpoints(mission, agent_id, network)
     where = ", ".join(network.listen + network.connect) or network.config
-    words = f"{agent_id}: agent of {mission.spec.name} without a controller, at {where}"
-    agent, status = be_agent(SwarmAgent, mission, agent_id, options, network, words)
+    text = f"{agent_id}: agent of {mission.spec.name} without a controller, at {where}"
+    agent, status = run_agent_process(SwarmAgent, mission, agent_id, options, network, text)
     return status if agent is None or agent.exit_status is None else agent.exit_status
 
 
-def _among_themselves(mission: Mission, agent_id: str, network: NetworkOptions) -> NetworkOptions:
+def _with_default_endpoints(mission: Mission, agent_id: str, network: NetworkOptions) -> NetworkOptions:
     """Return endpoints on loopback where none are given: agent number i listens on its port and connects to all before.
 
-    Peers do not hand on what others say, so everyone needs a line to everyone, as a radio channel gives it; who is in
-    range is decided by positions.
+    Peers do not forward messages, so each agent needs a connection to every other, as a radio channel has; which
+    agents are in range is decided by positions.
     """
     if network.listen or network.connect or network.config:
         return network

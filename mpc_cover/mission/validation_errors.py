@@ -1,4 +1,4 @@
-"""What pydantic found, in the words of a mission file: paths as the user wrote them, and what would be right."""
+"""Validation errors of pydantic in the terms of a mission file: paths as the user wrote them, and what is expected."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _KINDS = {"information": "coverage, looks, effective, kalman or ageing"}
 
 
 def problems_of(error: ValidationError, raw: object) -> list[Problem]:
-    """Return one problem a path, and only the deepest: a union reports each of its members."""
+    """Return one problem for each path, and only the deepest: a union reports each of its members."""
     first: dict[str, Problem] = {}
     for item in error.errors(include_url=False):
         problem = _problem(item, raw)
