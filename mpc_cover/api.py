@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mpc_cover.control.controller_name import ControllerName
-from mpc_cover.errors import InvalidInputError, Problem
+from mpc_cover.errors import InvalidInputError, Problem, UserError
 from mpc_cover.mission.load import Mission, build_mission
 from mpc_cover.mission.load import load_mission as read_mission
 from mpc_cover.mission.weights import with_weights
@@ -108,10 +108,11 @@ def plan(
     Raises
     ------
     UserError
-        An option that is none, a mission that nobody can plan, or no motion that keeps its constraints was found.
+        An option that is none, a mission that nobody can plan, or no motion was found that passes the verifier.
     """
     from mpc_cover.control.factory import require_double  # noqa: PLC0415 - as above
     from mpc_cover.planning.offline import PlanOptions, plan_mission  # noqa: PLC0415
+    from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
 
     problems = [*_no_seed(seed), *_no_time(time_limit_s)]
     if starts < 1:
@@ -119,7 +120,10 @@ def plan(
     _refuse("plan", problems)
     loaded = load_mission(mission)
     require_double(loaded)
-    return plan_mission(loaded, PlanOptions(backend, seed, starts, time_limit_s, min_time, exact_cones))
+    found = plan_mission(loaded, PlanOptions(backend, seed, starts, time_limit_s, min_time, exact_cones))
+    if (failure := check_trajectory(found).first_failure) is not None:
+        raise UserError(f"mission {loaded.spec.name}: the plan that was found does not pass the verifier: {failure}")
+    return found
 
 
 def simulate(

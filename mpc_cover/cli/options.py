@@ -146,12 +146,13 @@ def print_json(data: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(data, allow_nan=False) + "\n")
 
 
-def finish(console: Console, summary: Any, extra: dict[str, Any], *, as_json: bool, where: Path) -> None:
-    """Print the summary for users, and as JSON where asked for."""
+def finish(console: Console, summary: Any, extra: dict[str, Any], *, as_json: bool, where: Path | None) -> None:
+    """Print the summary for users, and as JSON where asked for; `where` is None for what was not written."""
     from mpc_cover.view.tables import print_summary  # noqa: PLC0415 - agents need none
 
     if summary is not None:
         print_summary(summary, console)
-    console.print(f"written to {where}", highlight=False, markup=False, soft_wrap=True)
+    said = f"written to {where}" if where is not None else "not written: it does not pass the verifier"
+    console.print(said, highlight=False, markup=False, soft_wrap=True)
     if as_json:
         print_json({**(summary.to_dict() if summary is not None else {}), **extra})

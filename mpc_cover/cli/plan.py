@@ -63,7 +63,8 @@ def plan(
     console, several = console_for(as_json=as_json), everything is not None
     results = plan_files(everything or mission or "box-3", out, options, console, folder=several, profile=profile)
     for summary, extra in results:
-        finish(console, summary, extra, as_json=as_json and not several, where=Path(extra["file"]))
+        where = Path(extra["file"]) if extra["file"] is not None else None
+        finish(console, summary, extra, as_json=as_json and not several, where=where)
     if as_json and several:
         print_json({"plans": [{**summary.to_dict(), **extra} for summary, extra in results]})
     raise typer.Exit(0 if all(summary.holds for summary, _ in results) else 1)

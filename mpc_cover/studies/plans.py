@@ -33,7 +33,9 @@ _PROFILED = 18
 def plan_files(
     what: str | Path, out: Path | None, options: PlanOptions, console: Console, *, folder: bool, profile: bool
 ) -> list[tuple[RunSummary, dict[str, Any]]]:
-    """Plan one mission, or every mission of a folder; write and verify each; return summaries and extras.
+    """Plan one mission, or every mission of a folder; verify and write each; return summaries and extras.
+
+    A plan that the verifier refuses is not written: its extra names no file.
 
     Raises
     ------
@@ -69,9 +71,10 @@ def _plan(
     with _profiled(console, wanted=profile), console.status(f"{mission.spec.name}: plans"):
         trajectory = plan_mission(mission, options, on_progress=lambda line: console.print(line, highlight=False))
     seconds = time.perf_counter() - begun
-    save_trajectory(trajectory, file)
     report = check_trajectory(trajectory)
     summary = summarise(trajectory, report)
+    if report.holds:
+        save_trajectory(trajectory, file)
     meta = trajectory.meta
     console.print(
         f"J = {meta['cost_m']:.6g} m after {meta['subproblems']} subproblems from {meta['guess']}, "
@@ -80,7 +83,7 @@ def _plan(
     )
     kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual")
     margins = {check.name: check.margin for check in report.checks if math.isfinite(check.margin)}
-    extra = {"file": str(file), "computing_time_s": round(seconds, 3), "margins": margins}
+    extra = {"file": str(file) if report.holds else None, "computing_time_s": round(seconds, 3), "margins": margins}
     extra |= {name: meta.get(name) for name in kept}
     return summary, extra
 

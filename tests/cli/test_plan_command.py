@@ -1,10 +1,12 @@
 """`mpc-cover plan`: what it writes, which `plot` draws, and where it cannot."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from mpc_cover.planning.offline import plan_mission
 from mpc_cover.trajectory_file import load_trajectory
 
 
@@ -18,6 +20,23 @@ def test_a_plan_that_cannot_be_written(refused, out, words):
 
 def test_one_mission_or_a_folder(refused):
     assert "both given: plan one mission, or a folder" in refused("plan", "box-3", "--all", ".")
+
+
+def test_a_plan_that_the_verifier_refuses_is_not_written(run, quick, tmp_path, monkeypatch):
+    assert run("plan", quick, "--out", "p.npz")[0] == 0
+    before = (tmp_path / "p.npz").read_bytes()
+
+    def through_the_wall(mission, options=None, on_progress=None):
+        plan = plan_mission(mission, options, on_progress)
+        return replace(plan, position=plan.position + 100.0)
+
+    monkeypatch.setattr("mpc_cover.studies.plans.plan_mission", through_the_wall)
+    status, out, err = run("plan", quick, "--out", "p.npz", "--json")
+    assert (status, json.loads(out)["file"]) == (1, None)
+    assert "not written: it does not pass the verifier" in err
+    assert (tmp_path / "p.npz").read_bytes() == before
+    assert run("plan", quick, "--out", "q.npz")[0] == 1
+    assert not (tmp_path / "q.npz").exists()
 
 
 def test_plan_and_plot(run, quick, tmp_path):
