@@ -43,7 +43,7 @@ class MonotonicClock:
 
 
 class VirtualClock:
-    """A clock that only moves when it is told to: deterministic runs."""
+    """A clock that moves only when waited on, for deterministic runs."""
 
     def __init__(self, time_s: float = 0.0) -> None:
         self._time_s = time_s

@@ -85,7 +85,7 @@ def step(
     backend: Backend = "piqp",
     as_json: Json = False,
 ) -> None:
-    """Fly a mission in closed loop and say where the milliseconds of a control step go."""
+    """Fly a mission in closed loop and show where the milliseconds of a control step go."""
     from mpc_cover.control.factory import require_double  # noqa: PLC0415
     from mpc_cover.studies.step_profile import profile_steps  # noqa: PLC0415
     from mpc_cover.view.benchmark import print_steps  # noqa: PLC0415

@@ -48,7 +48,7 @@ class AgentController(Generic[M]):
     fleet, field : the mission's; every agent knows them.
     index : which agent of the fleet this is.
     known : this agent's own map, still empty.
-    sensing : which cells are in range of whom.
+    sensing : which cells are in range of each agent.
     sensor : the same with this agent's own readings, where the map asks for them; left out, it does not.
     coordination : rho_B, R_B, rho_C, R_C.
     parameters : how to run.
@@ -145,7 +145,7 @@ class AgentController(Generic[M]):
         return [self._received.missing(agent) for agent in range(self._fleet.size)]
 
     def receive_missing(self, neighbour: int, missing: Sequence[int]) -> None:
-        """Note which samples a neighbour says that it has not received: its `missing`."""
+        """Note which samples a neighbour reports as not received: its `missing`."""
         self._relay.note_missing(neighbour, missing)
 
     def reports_to_relay(self) -> list[StateReport]:
@@ -200,7 +200,7 @@ class AgentController(Generic[M]):
         return self._neighbourhood.brake(own)
 
     def miss_deadline(self) -> None:
-        """Say in the next report that nobody was heard: the time to decide has passed."""
+        """Let the next report say that no neighbour was heard: the time to decide has passed."""
         self._failures.heard_before = frozenset()
 
     def decide(self, own: StateReport) -> FloatArray:

@@ -18,7 +18,7 @@ class DelayedMeasurements:
     Parameters
     ----------
     known : the map that the looks go into.
-    sensing : which cells are in range of whom.
+    sensing : which cells are in range of each agent.
     reads : whether the map asks for readings: looks that come without are not counted.
     delay : samples by which other agents' looks are held back at the least; 0 for none.
     """

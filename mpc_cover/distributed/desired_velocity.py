@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class DesiredVelocity:
-    """One agent's wish, which the safety filters then cut to what is safe.
+    """Computes the velocity that one agent wants; the safety filters then limit it to what is safe.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ class DesiredVelocity:
     def around_silent(self, velocity: FloatArray, own: StateReport, balls: tuple[FloatArray, FloatArray]) -> FloatArray:
         """Return the velocity (d,) [m/s] that leads a stalled agent around silent ones, in turns left and right.
 
-        `balls` are the (n, d) centres and (n,) radii [m] of what the silent occupy. They repel nobody: the safe sets
-        keep everyone apart, and cells beside them may have to be measured.
+        `balls` are the (n, d) centres and (n,) radii [m] of what silent agents occupy. They have no repulsive
+        potential: the safe sets keep agents apart, and cells beside them may have to be measured.
         """
         centre, radius = balls
         if not self._escape.stalled or len(centre) == 0:

@@ -1,8 +1,8 @@
 """Which neighbours an agent expects to hear, and when it takes silence for a loss.
 
-Silence is harmless as long as nobody acts on it. An agent that misses a neighbour's state of this sample brakes, for
-which the neighbour's safe set leaves room (`double_integrator_filter`). So does one that a neighbour says it has not
-heard. A neighbour that stays silent is taken for lost.
+Silence is harmless as long as no agent moves on outdated states. An agent that misses a neighbour's state of this
+sample brakes, for which the neighbour's safe set leaves room (`double_integrator_filter`). So does one that a
+neighbour reports as not heard. A neighbour that stays silent is taken for lost.
 """
 
 from __future__ import annotations

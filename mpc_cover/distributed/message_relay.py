@@ -1,4 +1,4 @@
-"""What an agent passes on: every report once, and again what a neighbour says that it is missing."""
+"""Relays reports to neighbours: each once, and again those that a neighbour reports as missing."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class MessageRelay:
             self.store(report)
 
     def note_missing(self, neighbour: int, missing: Sequence[int]) -> None:
-        """Note the (m,) first samples that a neighbour has not received, as it says itself.
+        """Note the (m,) first samples that a neighbour reports as not received.
 
         What it was missing already in its previous message did not reach it: that is sent again.
         """

@@ -204,7 +204,7 @@ class PotentialLaw:
         if need > self._coordination.range_m:
             raise ValueError(
                 f"communication range {self._coordination.range_m:g} m: must be at least {need:.3g} m, "
-                "for agents to hear whom they could meet"
+                "for agents to hear all that they could meet"
             )
 
 

@@ -1,4 +1,4 @@
-"""What agents of the distributed law tell each other."""
+"""The state report, which agents of the distributed law send each other."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def estimate_error(mission: Mission, known: ResidualMap) -> float | None:
 
 
 class _Conservative:
-    """Visibility from positions with a bounded error: looks that count are in range, and no farther than they say."""
+    """Visibility from positions with a bounded error: counted looks are truly in range, distances upper bounds."""
 
     def __init__(self, mission: Mission, noise_m: float) -> None:
         self._visibility = Visibility(mission.field, mission.fleet.radius - noise_m)

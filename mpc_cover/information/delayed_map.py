@@ -89,9 +89,9 @@ class DelayedMaps(Generic[M]):
         self._log[sample] = [looks.where(looks.agent == j) for j in range(len(self.maps))]
         known = self._delay.known(sample, adjacent)
         for own, fused, newest in zip(self.maps, self._fused, known.tolist(), strict=True):
-            news = [self._log[s][j] for j, latest in enumerate(newest) for s in range(fused[j] + 1, latest + 1)]
-            if news:
-                own.take(joined(news))
+            fresh = [self._log[s][j] for j, latest in enumerate(newest) for s in range(fused[j] + 1, latest + 1)]
+            if fresh:
+                own.take(joined(fresh))
             fused[:] = [max(before, latest) for before, latest in zip(fused, newest, strict=True)]
         oldest = min(min(row) for row in self._fused)
         for done in [s for s in self._log if s <= oldest]:

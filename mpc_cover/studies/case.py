@@ -84,7 +84,7 @@ def asked_of_peers(case: Case) -> Requirements:
     between = (fleet.input_max[one] + fleet.input_max[two]) * ocp.period**2 / 8.0
     separation, reach = required.separation + between, required.range - 0.5 * float(between.max())
     for given in (ocp.ends.start_position, ocp.ends.end_position):
-        if given is not None:  # no peer is asked for more room than it is given
+        if given is not None:  # no peer is asked for more than its given ends allow
             here = np.linalg.norm(given[one] - given[two], axis=1)
             separation = np.maximum(required.separation, np.minimum(separation, here))
     return Requirements(separation, reach)

@@ -85,9 +85,9 @@ def _origin(groups: Mapping[str, Sequence[Group]], commands: Sequence[str]) -> I
     yield f"<pre>{escape(chr(10).join(commands))}</pre>"
     records = [record for some in groups.values() for group in some for record in group.records]
     found = {name: sorted({record.versions.get(name, "") for record in records}) for name in versions()}
-    said = ", ".join(f"{name} {' and '.join(numbers)}" for name, numbers in found.items())
+    packages = ", ".join(f"{name} {' and '.join(numbers)}" for name, numbers in found.items())
     seconds = sum(record.wall_s for record in records)
-    yield f"<p>{len(records)} runs, {seconds:.0f} s of flying in all. {escape(said)}.</p>"
+    yield f"<p>{len(records)} runs, {seconds:.0f} s of flying in all. {escape(packages)}.</p>"
     yield f"<p>Written on {escape(machine())}.</p>"
 
 

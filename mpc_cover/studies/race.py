@@ -170,13 +170,13 @@ def compete(connection: Connection, name: str, mission: str, x: FloatArray, limi
 
 
 def solved(
-    name: str, mission: str, x: FloatArray, limit: Limit, tell: Callable[[float | Sighting], None]
+    name: str, mission: str, x: FloatArray, limit: Limit, send: Callable[[float | Sighting], None]
 ) -> Answer | Failure:
     """Let a peer solve; return its answer, or why it failed."""
     try:
         peer = PEERS[name].load()
         case = make_case(mission_from_json(mission, "the benchmark's mission"))
-        return peer(case, x, Watch(case, limit.seconds, tell, limit.clock))
+        return peer(case, x, Watch(case, limit.seconds, send, limit.clock))
     except ModuleNotFoundError as error:
         remedy = OPTIONAL.get(error.name or "")
         return Failure(f"not installed: {remedy}" if remedy else f"failed: {error}")

@@ -25,7 +25,7 @@ TOLERANCE = 1e-4
 """Tolerance of all limits [m, m/s, m/s^2]: general solvers stop at about 1e-6 of squared limits."""
 
 _TIE = 1e-9
-"""A cell at distance exactly rho is covered, whatever the last bit says [m]."""
+"""A cell at distance exactly rho is covered, in spite of rounding [m]."""
 _BETWEEN = frozenset({CheckName.BOX, CheckName.SEPARATION, CheckName.CONNECTIVITY, CheckName.LINKS})
 """Checks that the verifier also makes between the samples."""
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mpc_cover.trajectory_file import Recording
 
 _TIE = 1e-9
-"""A cell at distance exactly rho counts as measured, whatever the last bit says [m]."""
+"""A cell at distance exactly rho counts as measured, in spite of rounding [m]."""
 _SAME_TIME = 1e-6
 
 

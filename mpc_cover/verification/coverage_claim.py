@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mpc_cover.trajectory_file import Recording
 
 _TIE = 1e-9
-"""A cell at distance exactly rho counts as measured, whatever the last bit says [m]."""
+"""A cell at distance exactly rho counts as measured, in spite of rounding [m]."""
 _DOUBT = 1e-10
 """Within this of the tie [m], rounding decides, and either answer is honest."""
 _SUM = 1e-9

@@ -85,7 +85,7 @@ def verify_motion(
 
 
 def _check_separation(path: Path, fleet: FleetConstraints, tolerance: float) -> Check:
-    """Check ||q_i - q_j|| >= rho_B at every instant (4.18), but for pairs of lost agents, which nobody controls."""
+    """Check ||q_i - q_j|| >= rho_B at every instant (4.18), except for pairs of lost agents."""
     groups = [fleet.active, *((*fleet.active, lost) for lost in fleet.lost)] if fleet.lost else [fleet.active]
     worst, where = np.inf, "nobody is near"
     for group in groups:

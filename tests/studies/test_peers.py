@@ -113,8 +113,3 @@ def test_guesses_end_as_they_must(guess):
     position, velocity = case.ocp.motion(start_from(case, guess))
     assert position[0] == pytest.approx(case.task.position)
     assert velocity[-1] == pytest.approx(0.0)
-
-
-def test_an_unknown_guess_is_a_users_mistake():
-    with pytest.raises(UserError, match="boustrophedon"):
-        start_from(make_case(small_mission()), "tour")

@@ -58,17 +58,17 @@ def pack(snapshot: Snapshot, mission: str, generation: int) -> bytes:
         versions=snapshot.versions,
     )
     arrays = b"".join(array.astype("<f8").tobytes() for array in snapshot.map.values())
-    body = msgspec.json.encode(header) + b"\n" + arrays
-    return hashlib.sha256(body).hexdigest().encode() + b"\n" + body
+    payload = msgspec.json.encode(header) + b"\n" + arrays
+    return hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
 
 
 def unpack(data: bytes) -> tuple[str, int, Snapshot] | None:
     """Return mission hash, generation and snapshot, or None when the bytes are incomplete or damaged."""
-    checksum, _, body = data.partition(b"\n")
-    if hashlib.sha256(body).hexdigest().encode() != checksum:
+    checksum, _, payload = data.partition(b"\n")
+    if hashlib.sha256(payload).hexdigest().encode() != checksum:
         return None
     try:
-        head, _, arrays = body.partition(b"\n")
+        head, _, arrays = payload.partition(b"\n")
         header = msgspec.json.decode(head, type=_Header)
         kept = _arrays(np.frombuffer(arrays, dtype="<f8"), header.shapes)
     except (msgspec.MsgspecError, ValueError):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Completion:
-    """Tells when one version of a mission is over, and how.
+    """Determines when one version of a mission is over, and how.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ def write_durably(path: Path, data: bytes) -> None:
     Raises
     ------
     OSError
-        The disk is full, the folder is gone, ...; the old bytes stay.
+        The disk is full, the folder was removed, ...; the old bytes stay.
     """
     temporary = path.with_name(f"{path.name}.tmp")
     with temporary.open("wb") as file:

@@ -66,7 +66,7 @@ class DoubleIntegratorVehicle:
         return self._vehicle.nominal.position, self._vehicle.nominal.velocity
 
     def hold(self, start_s: float, command: FloatArray, number: int) -> None:
-        """Hold a force (d,) [m/s^2] for a period, and brake after it unless told otherwise."""
+        """Hold a force (d,) [m/s^2] for a period, and brake after it unless another follows."""
         self._vehicle.advance(start_s, self._schedule)
         self._schedule.add(self._plan(start_s, command, number))
         self._end_s = start_s + self._period

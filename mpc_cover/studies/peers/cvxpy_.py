@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from mpc_cover.studies.watch import Answer, Watch
 
 _ITERATIONS = 10
-"""Subproblems a stage, as in `planning.scp.refine`."""
+"""Subproblems a stage, as in `planning.scp.optimise`."""
 _NEGLIGIBLE = 3e-3
 """Predicted decrease relative to max(1, J) below which a stage has converged."""
 
@@ -58,7 +58,7 @@ def canonicalised(case: Case, x: FloatArray, watch: Watch, *, solver: str = "CLA
 
 
 def _region(scale: float) -> TrustRegion:
-    """Return the trust region that `refine` begins a stage with."""
+    """Return the trust region that `optimise` begins a stage with."""
     return TrustRegion(scale, smallest=0.01 * scale, largest=2.0 * scale, shrink=0.4, grow=1.5)
 
 
