@@ -16,7 +16,7 @@ from mpc_cover.mission.config import MissionSpec
 from mpc_cover.mission.load import build_mission, load_mission
 from mpc_cover.service.protocol import messages
 from mpc_cover.service.protocol.keys import Keys
-from mpc_cover.service.swarm import radio
+from mpc_cover.service.swarm import radio_messages
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -131,6 +131,6 @@ def test_the_page_of_the_protocol_has_every_key_and_every_message():
     spoken = [keys.state, keys.plan, keys.agent_event, keys.agent_alive, keys.hello, keys.word]
     shown = [key(agent) for key in spoken] + [keys.status, keys.map, keys.controller_event, keys.controller_alive]
     assert [key for key in shown if f"`{key}`" not in text] == []
-    kinds = [kind for module in (messages, radio) for kind in vars(module).values() if isinstance(kind, type)]
+    kinds = [kind for module in (messages, radio_messages) for kind in vars(module).values() if isinstance(kind, type)]
     sent = {kind.__name__ for kind in kinds if issubclass(kind, messages.Message) and kind is not messages.Message}
     assert {name for name in sent if f"`{name}`" not in text} == set()
