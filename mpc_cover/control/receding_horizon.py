@@ -175,6 +175,8 @@ class RecedingHorizon:
             return law, replace(situation, no_plan_found=law.plan is None), "nothing better was found"
         if best.idle and law.plan is not None and law.mode is not Mode.RENDEZVOUS:
             return law, situation, "no plan was found yet"
+        if best.violates_passive_safety and law.plan is not None:
+            return law, replace(situation, worth_replanning=True, on_plan=True), "no passively safe plan was found yet"
         found_too_late = best.idle and law.former is not None
         worth = found_too_late or self._is_poor(best, law, state, coverage)
         situation = replace(situation, worth_replanning=worth, on_plan=True)

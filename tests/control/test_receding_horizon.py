@@ -315,3 +315,34 @@ def test_those_who_cannot_stop_in_time_meet_before_they_go_on():
     assert max(length[met:]) <= 2.5 + 1e-6
     assert max(length) < 2.6
     assert told[-1] != "rendezvous"
+
+
+class ExposedPlanner(Planner):
+    """A planner all of whose plans come too near to an agent that stops."""
+
+    def thorough(self, task, budget):
+        return replace(super().thorough(task, budget), braking_violation=1.0)
+
+    def quick(self, task, budget):
+        return replace(super().quick(task, budget), braking_violation=1.0)
+
+
+def test_a_plan_that_is_not_passively_safe_is_not_taken_in_flight_where_a_safe_one_goes_on():
+    """They finish their rendezvous and come to rest, where there is time for a better plan; there any is taken."""
+    position = np.array([[1.8, 1.0], [3.0, 1.8], [4.2, 1.0]])
+    velocity = np.array([[-0.5, 0.0], [0.0, 0.0], [0.5, 0.0]])
+    mission = mission_in_a_row(position.tolist(), radius=0.6)
+    law, coverage = RecedingHorizon(mission, planner=ExposedPlanner("piqp")), make_map(mission)
+    state = replace(FleetState.nominal(position, velocity, 0.0), lost=np.array([False, True, False]))
+    told = []
+    for _ in range(24):
+        proposal, state = go_on(law, state, coverage)
+        told.append(proposal.reason)
+        if law.mode is Mode.REPLAN_AT_REST and not state.velocity.any():
+            break
+    assert told[0] == "rendezvous"
+    assert "no passively safe plan was found yet" in told
+    assert not {reason.split()[0] for reason in told} & {"comb", "snake", "strips", "tour"}
+    proposal, _ = go_on(law, replace(state, settled=True), coverage)
+    assert proposal.source is PlanSource.NEW
+    assert law.mode is Mode.NOMINAL
