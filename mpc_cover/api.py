@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -64,6 +65,7 @@ def load_mission(source: MissionSource) -> Mission:
     if isinstance(source, Mapping):
         what = f"mission {source.get('name', 'without a name')}"
         return build_mission(with_weights(dict(source), Path(), what), what)
+    _refuse("load_mission", _no_path("mission", source, "a name, a file, a mapping or a Mission"))
     return read_mission(source)
 
 
@@ -77,7 +79,10 @@ def load_trajectory(source: RecordingSource) -> Recording:
     """
     from mpc_cover.service.run.run_folder import find_trajectory  # noqa: PLC0415 - each function imports what it needs
 
-    return source if isinstance(source, Recording) else read_trajectory(find_trajectory(Path(source)))
+    if isinstance(source, Recording):
+        return source
+    _refuse("load_trajectory", _no_path("trajectory", source, "a file, a run folder or a Recording"))
+    return read_trajectory(find_trajectory(Path(source)))
 
 
 def plan(
@@ -237,6 +242,11 @@ def _no_controller(controller: str, backend: str | None) -> list[Problem]:
     if controller == ControllerName.POTENTIAL and backend is not None:
         return [Problem("backend", backend, "the potential law solves no QP: leave it out")]
     return []
+
+
+def _no_path(name: str, source: object, wanted: str) -> list[Problem]:
+    is_path = isinstance(source, str | PathLike) and str(source) != ""
+    return [] if is_path else [Problem(name, source, f"must be {wanted}")]
 
 
 def _refuse(what: str, problems: list[Problem]) -> None:

@@ -76,7 +76,7 @@ class SafetyFilter:
                 return f"{name} has shape {found}, must be {wanted} with one step at the least"
         period = self._control.period_s
         grid = state.time + period * np.arange(steps + 1)
-        if trajectory.period != period:  # agents are sent the period, not the times
+        if getattr(trajectory, "period", None) != period:  # agents are sent the period, not the times
             return f"period is {trajectory.period} s, must be {period:g} s"
         if not (np.abs(arrays["time"] - grid) <= SNAP_S * (1.0 + np.abs(grid))).all():
             return f"samples must lie every {period:g} s from {state.time:g} s on"

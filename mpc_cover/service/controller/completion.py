@@ -33,7 +33,10 @@ class Completion:
     @property
     def nothing_left(self) -> bool:
         """Whether everything is measured that the agents that are not lost can measure."""
-        return self._coverage.complete or not (self._coverage.owed & self._supervisor.reachable).any()
+        nothing = self._coverage.complete or not (self._coverage.owed & self._supervisor.reachable).any()
+        if not nothing:  # anew, where a lost agent has come back
+            self._nothing_left_s = math.inf
+        return bool(nothing)
 
     def since_s(self, now_s: float) -> float:
         """Return the time since nothing is left, by the controller's clock [s]; to be called only then."""

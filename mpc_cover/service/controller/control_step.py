@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from mpc_cover.control.control_law import PlanSource, Proposal
 from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.service.controller.step_log import Step, StepKind
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.clock import Clock
-    from mpc_cover.control.control_law import ControlLaw, Proposal
+    from mpc_cover.control.control_law import ControlLaw
     from mpc_cover.information.demand import FlownMap
     from mpc_cover.mission.config import Control
     from mpc_cover.model.fleet_state import FleetState
@@ -73,7 +74,7 @@ class ControlStep:
     def prepare(self, state: FleetState, coverage: FlownMap) -> tuple[Proposal, float]:
         """Return the first plan of a fleet at rest, and its computing time [s]; exceptions of the law propagate."""
         begun = time.perf_counter()
-        proposal = self._law.step(state, coverage, self._budget_of(self._control.planning_time_s))
+        proposal = _checked(self._law.step(state, coverage, self._budget_of(self._control.planning_time_s)))
         return proposal, time.perf_counter() - begun
 
     def take_off(self, proposal: Proposal, state: FleetState, supervisor: FleetSupervisor, took_s: float) -> bool:
@@ -106,7 +107,7 @@ class ControlStep:
         budget = self._budget_of(left_s / self._speed)
         law_begun = time.perf_counter()
         try:
-            proposal = self._law.step(state, coverage, budget)
+            proposal = _checked(self._law.step(state, coverage, budget))
         except Exception as error:  # noqa: BLE001 - agents fly on along their verified plans
             self.failures += 1
             self._emit("step-failed", f"a step failed: {error!r}; the previous plan goes on")
@@ -148,3 +149,16 @@ class ControlStep:
     ) -> None:
         step = Step(kind, state.time, computing_s, took_s, proposal.source.name, proposal.reason, missed)
         self._step_log.add(step)
+
+
+def _checked(proposal: Proposal) -> Proposal:
+    """Return what a law proposes, if it is a proposal; its trajectory is for the safety filter to judge.
+
+    Raises
+    ------
+    TypeError
+        It is not: the step has failed.
+    """
+    if isinstance(proposal, Proposal) and isinstance(proposal.source, PlanSource) and isinstance(proposal.reason, str):
+        return proposal
+    raise TypeError(f"the control law returned {proposal!r:.80}, must be a Proposal")

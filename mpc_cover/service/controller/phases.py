@@ -94,7 +94,12 @@ class MissionPhases:
         self._heartbeat.events.emit(f"phase-{phase}", text)
 
     def regroup(self, why: str) -> None:
-        """Let all agents finish their plans, and wait for them to be at rest; failures are counted anew then."""
+        """Let all agents finish their plans, and wait for them to be at rest; failures are counted anew then.
+
+        A controller that has failed stays failed.
+        """
+        if self.phase is Phase.FAILED:
+            return
         self._control_step.failures = 0
         self.enter(Phase.WAITING, f"{why}: everyone finishes its plan and waits")
 
@@ -120,7 +125,9 @@ class MissionPhases:
             self.enter(Phase.FAILED, f"planning failed: {error!r}")
             return
         self._receive()
-        not_ready = self._not_ready()
+        if self.phase is not Phase.PLANNING:  # another controller has taken over meanwhile
+            return
+        not_ready = self._not_ready() or ("paused" if self._paused() else "")
         if not_ready or self._supervisor.moved_since(state):
             self.regroup(not_ready or "someone moved")
             return

@@ -76,6 +76,22 @@ def test_a_law_is_told_of_exactly_what_was_sent(kind):
     assert not any(agent.rejected for agent in fleet)
 
 
+@pytest.mark.parametrize("returned", [None, 3, "a plan"])
+def test_what_is_no_proposal_is_a_failed_step(bench, fleet, returned):
+    law = StraightSweepLaw(bench.mission)
+    good, told = law.step, "must be a Proposal"
+
+    def refused():
+        return [said for said in bench.said if told in said]
+
+    law.step = lambda *given: returned if len(law.sent) == 3 and not refused() else good(*given)
+    controller = bench.controller(law)
+    bench.run(controller)
+    assert controller.phase is Phase.COMPLETE
+    assert len(refused()) == 1
+    assert not any(agent.rejected for agent in fleet)
+
+
 class DeafLaw(StraightSweepLaw):
     """Fails once, on hearing what was sent."""
 
