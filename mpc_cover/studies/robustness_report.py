@@ -59,10 +59,9 @@ def cell_text(cell: Sequence[RobustnessResult]) -> str:
     """Return the worst ratio of a cell, and how many of its flights are not finished."""
     if not cell:
         return ""
-    flown = [result for result in cell if result.record is not None]
-    worst = max((result.ratio for result in flown), default=math.nan)
+    worst = _worst_ratio(cell)
     text = "-" if math.isnan(worst) else "never" if math.isinf(worst) else f"{worst:.2f}"
-    unfinished = sum(not result.finished for result in flown)
+    unfinished = sum(not result.finished for result in cell if result.record is not None)
     return f"{text}, {unfinished} unfinished" if unfinished else text
 
 
@@ -93,7 +92,7 @@ def write_report(results: Sequence[RobustnessResult], folder: StudyFolder) -> li
 
     content = io.BytesIO()
     ratios = {
-        title: (*_axes(cells), {key: max(result.ratio for result in cell) for key, cell in cells.items()})
+        title: (*_axes(cells), {key: _worst_ratio(cell) for key, cell in cells.items()})
         for title, cells in tables_of(results).items()
     }
     with house_style():
@@ -115,8 +114,13 @@ def _page(results: Sequence[RobustnessResult], png: bytes, folder: StudyFolder) 
     yield f"<p>{escape(versions_line())}. {escape(machine())}.</p>"
 
 
+def _worst_ratio(cell: Sequence[RobustnessResult]) -> float:
+    """Return the worst ratio of the flights of a cell; NaN without any."""
+    return max((result.ratio for result in cell if result.record is not None), default=math.nan)
+
+
 def _worst(results: Sequence[RobustnessResult], limit: int) -> list[RobustnessResult]:
-    return sorted(results, key=lambda result: (result.finished, -result.ratio))[:limit]
+    return sorted(results, key=lambda result: (result.finished, -result.ratio if result.record else math.inf))[:limit]
 
 
 def _axes(cells: dict[tuple[str, str], list[RobustnessResult]]) -> tuple[list[str], list[str]]:

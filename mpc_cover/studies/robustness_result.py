@@ -35,8 +35,10 @@ class RobustnessResult:
 
     @property
     def ratio(self) -> float:
-        """Time to 99 % over the bound; inf where 99 % were never covered."""
-        reached = self.record.time_to_99_s if self.record is not None else None
+        """Time to 99 % over the bound; inf where 99 % were never covered, NaN where it was not flown."""
+        if self.record is None:
+            return math.nan
+        reached = self.record.time_to_99_s
         return math.inf if reached is None else reached / self.bound_s
 
     @property
