@@ -145,7 +145,7 @@ def _area(box: Bbox | None) -> float:
 
 def _draw_tree(axes: Axes, position: FloatArray) -> None:
     """Draw the edges of the Euclidean minimum spanning tree of (m, d) positions [m]."""
-    edges = [position[list(edge), :2] for edge in spanning_tree(position)]
+    edges = [position[list(edge), :2] for edge in spanning_tree(position)] if len(position) else []
     axes.add_collection(LineCollection(edges, colors=INK, linewidths=1.1, linestyles=(0, (3, 2)), zorder=2.5))
 
 

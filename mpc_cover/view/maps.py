@@ -79,11 +79,9 @@ def _draw_times(axes: Axes, trajectory: Recording, magnitude: int | None) -> Non
     begin, end = float(trajectory.time[0]), float(trajectory.time[-1])
     never = ListedColormap([UNCOVERED])
     draw_pixels(axes, field, np.isinf(time).astype(float), Scale(never.with_extremes(under="none"), 0.5, 1.0))
-    image = draw_pixels(
-        axes, field, np.where(np.isinf(time), np.nan, time), Scale(_TIMES, begin, max(end, begin + _TIE))
-    )
-    if axes.figure is not None:
-        axes.figure.colorbar(image, ax=axes, shrink=0.55, pad=0.02, aspect=30, label="covered at [s]")
+    scale = Scale(_TIMES, begin, max(end, begin + _TIE))
+    image = draw_pixels(axes, field, np.where(np.isinf(time), np.nan, time), scale)
+    axes.figure.colorbar(image, ax=axes, label="covered at [s]", location="bottom", shrink=0.6, pad=0.02, aspect=40)
 
 
 def _draw_area(axes: Axes, trajectory: Recording) -> None:

@@ -174,6 +174,12 @@ def test_a_lost_agent_is_crossed_out_and_has_no_disc(flight):
     assert [line.get_marker() for line in axes.lines].count("X") == 1
 
 
+def test_a_fleet_that_is_lost_as_a_whole_has_no_tree(flight):
+    axes = Figure().add_subplot()
+    maps.draw_map(axes, replace(flight, meta={**flight.meta, "lost": {"a1": 1.0, "a2": 2.0, "a3": 2.0}}))
+    assert not [segments for each in axes.collections for segments in each.get_segments()]
+
+
 def test_names_of_neighbours_do_not_overlap():
     starts = [[1.0 + 0.8 * (i % 4), 1.0 + 0.4 * (i // 4)] for i in range(12)]
     mission = box_mission(starts, [12.0, 9.0])
