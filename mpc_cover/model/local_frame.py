@@ -47,8 +47,7 @@ class LocalFrame:
     @classmethod
     def of(cls, mission: Mission) -> LocalFrame:
         """Return the local frame of a mission."""
-        radius, origin = mission.fleet.radius, mission.field.shape_min
-        length = float(radius[np.isfinite(radius)].min())
+        origin, length = mission.field.shape_min, mission.fleet.sensing_radius_min
         farthest = np.abs(np.concatenate([mission.field.shape_max, mission.fleet.start.ravel(), origin])).max()
         resolved = 4.0 * float(np.spacing(farthest)) / length
         return cls(origin, length, max(_GRID, 10.0 ** np.ceil(np.log10(resolved))))
