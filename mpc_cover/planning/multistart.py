@@ -14,6 +14,8 @@ from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, candidate_of
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
+from mpc_cover.planning.initial_guess.path_shortening import path_length
+from mpc_cover.planning.initial_guess.shape_tour import ShapeTour
 from mpc_cover.planning.initial_guess.tour import Tour
 from mpc_cover.planning.scp import REFINEMENT_REGION, SHARPNESS, evaluate, length_scale, optimise
 
@@ -38,8 +40,11 @@ _FINE = SHARPNESS[2:]
 """Sharpness of the stages that refine a screened start: the last two of the continuation."""
 _SCREENING_SHARE = 0.5
 """Part of the budget in which starts are generated; a plain choice."""
-_KIND_ORDER = (GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST)
+_KIND_ORDER = (GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.SHAPE, GuessKind.TOUR, GuessKind.REST)
 """Kinds of guesses in the order in which they tend to end well, as observed."""
+_SHORTER_SHARE, _SHORTER_MAX = 0.9, 2
+"""Part of the flight time of all other guesses below which paths along the shape come first, and how many of them do.
+Plain choices: where sweeps of the bounding box are as short, refinement ends as well from them."""
 _REFINE_AGAIN_COST = 1.5
 """Cost in sensing radii above which a refined plan is not refined once more from its guess; a plain choice."""
 _JITTER = 0.35
@@ -190,7 +195,18 @@ def systematic_guesses(task: Task) -> list[Guess]:
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
     makers: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
-    return sorted((guess for maker in makers for guess in maker.guesses(task)), key=_kind_rank)
+    sweeps = [guess for maker in makers for guess in maker.guesses(task)]
+    shapes = list(ShapeTour().guesses(task))
+    least = min(_flight_time(task, guess) for guess in sweeps)
+    shorter = [guess for guess in shapes if _flight_time(task, guess) < _SHORTER_SHARE * least][:_SHORTER_MAX]
+    later = [guess for guess in shapes if guess not in shorter]
+    return shorter + sorted([*sweeps, *later], key=_kind_rank)
+
+
+def _flight_time(task: Task, guess: Guess) -> float:
+    """Return the time that the paths of a guess take at full speed [s]: of the agent that arrives last."""
+    paths = zip(task.position, guess.paths, task.fleet.speed_max, strict=True)
+    return max(path_length(np.concatenate([here[None], path])) / float(speed) for here, path, speed in paths)
 
 
 def _kind_rank(guess: Guess) -> int:

@@ -17,6 +17,7 @@ class GuessKind(Enum):
     COMB = "agents abreast, lane by lane"
     SNAKE = "one path through all lanes, cut into pieces"
     STRIPS = "a strip of equal work for each agent"
+    SHAPE = "one path along the shape, divided"
     TOUR = "a greedy tour from cell to cell"
     REST = "all agents rest"
     TIMED_SWEEP = "a sweep timed by a linear programme for many looks"
