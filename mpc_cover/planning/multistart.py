@@ -40,7 +40,7 @@ _FINE = SHARPNESS[2:]
 """Sharpness of the stages that refine a screened start: the last two of the continuation."""
 _SCREENING_SHARE = 0.5
 """Part of the budget in which starts are generated; a plain choice."""
-_KIND_ORDER = (GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.SHAPE, GuessKind.TOUR, GuessKind.REST)
+_KIND_ORDER = (GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST)
 """Kinds of guesses in the order in which they tend to end well, as observed."""
 _SHORTER_SHARE, _SHORTER_MAX = 0.9, 2
 """Part of the flight time of all other guesses below which paths along the shape come first, and how many of them do.
@@ -191,19 +191,20 @@ def _ignore(steps: int, candidate: Candidate) -> None:
 
 
 def systematic_guesses(task: Task) -> list[Guess]:
-    """Return all guesses that are neither random nor from an earlier plan, the most promising kinds first."""
+    """Return all guesses that are neither random nor from an earlier plan, the most promising kinds first.
+
+    Paths along the shape come first where they are much shorter than sweeps, and not at all elsewhere.
+    """
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
     makers: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
-    sweeps = [guess for maker in makers for guess in maker.guesses(task)]
-    shapes = list(ShapeTour().guesses(task))
-    least = min(_flight_time(task, guess) for guess in sweeps)
-    shorter = [guess for guess in shapes if _flight_time(task, guess) < _SHORTER_SHARE * least][:_SHORTER_MAX]
-    later = [guess for guess in shapes if guess not in shorter]
-    return shorter + sorted([*sweeps, *later], key=_kind_rank)
+    sweeps = sorted((guess for maker in makers for guess in maker.guesses(task)), key=_kind_rank)
+    least = min(flight_time(task, guess) for guess in sweeps)
+    shapes = (guess for guess in ShapeTour().guesses(task) if flight_time(task, guess) < _SHORTER_SHARE * least)
+    return [*islice(shapes, _SHORTER_MAX), *sweeps]
 
 
-def _flight_time(task: Task, guess: Guess) -> float:
+def flight_time(task: Task, guess: Guess) -> float:
     """Return the time that the paths of a guess take at full speed [s]: of the agent that arrives last."""
     paths = zip(task.position, guess.paths, task.fleet.speed_max, strict=True)
     return max(path_length(np.concatenate([here[None], path])) / float(speed) for here, path, speed in paths)
