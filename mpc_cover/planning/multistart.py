@@ -14,7 +14,7 @@ from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, candidate_of
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
-from mpc_cover.planning.initial_guess.path_shortening import path_length
+from mpc_cover.planning.initial_guess.path_comparison import shorter
 from mpc_cover.planning.initial_guess.shape_tour import ShapeTour
 from mpc_cover.planning.initial_guess.tour import Tour
 from mpc_cover.planning.scp import REFINEMENT_REGION, SHARPNESS, evaluate, length_scale, optimise
@@ -42,9 +42,6 @@ _SCREENING_SHARE = 0.5
 """Part of the budget in which starts are generated; a plain choice."""
 _KIND_ORDER = (GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST)
 """Kinds of guesses in the order in which they tend to end well, as observed."""
-_SHORTER_SHARE, _SHORTER_MAX = 0.9, 2
-"""Part of the flight time of all other guesses below which paths along the shape come first, and how many of them do.
-Plain choices: where sweeps of the bounding box are as short, refinement ends as well from them."""
 _REFINE_AGAIN_COST = 1.5
 """Cost in sensing radii above which a refined plan is not refined once more from its guess; a plain choice."""
 _JITTER = 0.35
@@ -193,21 +190,15 @@ def _ignore(steps: int, candidate: Candidate) -> None:
 def systematic_guesses(task: Task) -> list[Guess]:
     """Return all guesses that are neither random nor from an earlier plan, the most promising kinds first.
 
-    Paths along the shape come first where they are much shorter than sweeps, and not at all elsewhere.
+    Paths along the shape come first where they are much shorter than sweeps; last, where they need a longer range than
+    there is; and not at all elsewhere.
     """
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
     makers: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
     sweeps = sorted((guess for maker in makers for guess in maker.guesses(task)), key=_kind_rank)
-    least = min(flight_time(task, guess) for guess in sweeps)
-    shapes = (guess for guess in ShapeTour().guesses(task) if flight_time(task, guess) < _SHORTER_SHARE * least)
-    return [*islice(shapes, _SHORTER_MAX), *sweeps]
-
-
-def flight_time(task: Task, guess: Guess) -> float:
-    """Return the time that the paths of a guess take at full speed [s]: of the agent that arrives last."""
-    paths = zip(task.position, guess.paths, task.fleet.speed_max, strict=True)
-    return max(path_length(np.concatenate([here[None], path])) / float(speed) for here, path, speed in paths)
+    first, last = shorter(task, ShapeTour().guesses(task), sweeps)
+    return [*first, *sweeps, *last]
 
 
 def _kind_rank(guess: Guess) -> int:

@@ -64,6 +64,35 @@ def divided(
     return [_piece(path, here, part) for here, part in zip(start, _apart(best, gap), strict=True)], best_time
 
 
+def in_file(path: FloatArray, start: FloatArray) -> list[FloatArray]:
+    """Return each agent's waypoints (W_i, d) [m] along the whole (W, d) `path` [m], which all fly one behind the other.
+
+    Whoever starts nearest to the path leads, and each other one, (m, d) [m], flies over the places where those before
+    it start, so that they stay as far apart as they are. A fleet that must stay together is no faster in narrow shapes.
+    """
+    if np.linalg.norm(start - path[-1], axis=1).min() < np.linalg.norm(start - path[0], axis=1).min():
+        path = path[::-1]
+    length, order = _lengths(path)[-1], _file_order(path[0], start)
+    lag = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(start[order], axis=0), axis=1))])
+    flown = list(start[:, None])
+    for rank, agent in enumerate(order):
+        before = start[order[:rank][::-1]]
+        part = Part(0.0, float(max(length - lag[rank], 0.0)), backward=False)
+        flown[agent] = np.concatenate([before, _piece(path, start[agent], part)])
+    return flown
+
+
+def _file_order(head: FloatArray, start: FloatArray) -> list[int]:
+    """Return the order of agents in a file: the nearest to its `head` (d,) [m], then always the nearest to the last."""
+    here, left, order = head, list(range(len(start))), []
+    while left:
+        agent = left[int(np.argmin(np.linalg.norm(start[left] - here, axis=1)))]
+        left.remove(agent)
+        order.append(agent)
+        here = start[agent]
+    return order
+
+
 def _orders(position: FloatArray, away: FloatArray, speed: FloatArray) -> Sequence[tuple[int, ...]]:
     """Return the orders of agents along the path that are compared."""
     agents = len(speed)

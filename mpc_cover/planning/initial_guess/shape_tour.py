@@ -1,18 +1,21 @@
 """Work shared out along the shape, whatever it is: narrow, winding, oblique, in islands.
 
 Lanes follow the shape, a short tour joins them, what it passes needlessly is cut off, and the path is divided among the
-agents so that all end at the same time. Sweeps over bounding boxes are no guesses where most of the box is empty.
+agents so that all end at the same time; where the range forbids that, all fly along it in file. Sweeps over bounding
+boxes are no guesses where most of the box is empty.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.planning.initial_guess.boustrophedon import teams_of
 from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
-from mpc_cover.planning.initial_guess.path_division import divided
+from mpc_cover.planning.initial_guess.path_comparison import flight_time
+from mpc_cover.planning.initial_guess.path_division import divided, in_file
 from mpc_cover.planning.initial_guess.path_shortening import shortened
 from mpc_cover.planning.initial_guess.segment_tour import segment_tour
 from mpc_cover.planning.initial_guess.shape_lanes import shape_lanes
@@ -39,29 +42,28 @@ class ShapeTour:
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
         """Yield guesses with lanes along the axes and along the principal directions, the shortest first."""
         teams = teams_of(task.fleet, task.cell, task.weight, task.period, slow=False)
-        by_team = [_by_direction(team, task.position, task.fleet.separation_min) for team in teams]
+        by_team = [_by_direction(team, task.position) for team in teams]
         found = []
-        for name in dict.fromkeys(name for flown in by_team for name in flown):
-            paths, longest = [here[None] for here in task.position], 0.0
-            for team, flown in zip(teams, by_team, strict=True):
-                pieces, time = flown.get(name) or min(flown.values(), key=lambda one: one[1])
-                longest = max(longest, time)
-                for agent, piece in zip(team.agents, pieces, strict=True):
-                    paths[agent] = piece
-            found.append((longest, Guess(Origin(GuessKind.SHAPE, f"shape, lanes {name}"), paths)))
-        yield from (guess for _, guess in sorted(found, key=lambda one: one[0]))
+        for name in dict.fromkeys(name for paths in by_team for name in paths):
+            shared, together = [here[None] for here in task.position], [here[None] for here in task.position]
+            for team, paths in zip(teams, by_team, strict=True):
+                path = paths.get(name, next(iter(paths.values())))
+                here = task.position[team.agents]
+                parts = divided(path, team.left, here, team.speed, task.fleet.separation_min)[0]
+                for agent, part, whole in zip(team.agents, parts, in_file(path, here), strict=True):
+                    shared[agent], together[agent] = part, whole
+            found.append(Guess(Origin(GuessKind.SHAPE, f"shape, lanes {name}"), shared))
+            if np.isfinite(task.fleet.communication_range):
+                found.append(Guess(Origin(GuessKind.SHAPE, f"shape in file, lanes {name}"), together))
+        yield from sorted(found, key=partial(flight_time, task))
 
 
-def _by_direction(team: Team, position: FloatArray, separation: float) -> dict[str, tuple[list[FloatArray], float]]:
-    """Return for each direction of lanes the team's paths and the time that they take [s]."""
+def _by_direction(team: Team, position: FloatArray) -> dict[str, FloatArray]:
+    """Return for each direction of lanes a path (W, d) [m] along the shape of the team's cells."""
     cell, near = _contracted(team.left, team.swath.half_width)
-    start, speed = position[team.agents], team.speed
-    found = {}
-    for name, axes in _directions(cell):
-        tour = segment_tour(shape_lanes(cell, near, axes), start.mean(axis=0))
-        path = shortened(tour.reshape(-1, cell.shape[1]), cell, near)
-        found[name] = divided(path, cell, start, speed, separation)
-    return found
+    middle = position[team.agents].mean(axis=0)
+    tours = {name: segment_tour(shape_lanes(cell, near, axes), middle) for name, axes in _directions(cell)}
+    return {name: shortened(tour.reshape(-1, cell.shape[1]), cell, near) for name, tour in tours.items()}
 
 
 def _contracted(cell: FloatArray, half_width: float) -> tuple[FloatArray, float]:

@@ -11,8 +11,11 @@ from motions import PERIOD
 from shapes import SHAPES, ring
 
 from mpc_cover.planning.initial_guess.boustrophedon import sweep_guesses
+from mpc_cover.planning.initial_guess.guess import GuessKind
+from mpc_cover.planning.initial_guess.path_comparison import needed_range, shorter
 from mpc_cover.planning.initial_guess.path_shortening import leg_distance, path_length
 from mpc_cover.planning.initial_guess.shape_tour import ShapeTour
+from mpc_cover.planning.multistart import systematic_guesses
 from mpc_cover.planning.task import Task
 
 
@@ -111,3 +114,23 @@ def test_small_cells_that_are_taken_together_are_all_passed():
     task = task_on(cell)
     for guess in ShapeTour().guesses(task):
         assert passed_at(guess.paths, cell).max() <= 1.0
+
+
+def test_in_file_a_fleet_stays_together_and_everyone_apart():
+    task = task_on(ring(), communication_range=3.0, separation_min=0.5)
+    guesses = list(ShapeTour().guesses(task))
+    together = [guess for guess in guesses if needed_range(task, guess) <= 3.0]
+    assert together
+    assert len(together) < len(guesses)
+    assert passed_at(together[0].paths, task.cell).max() <= 1.0
+    first, last = shorter(task, guesses, [together[0]])
+    assert not first  # no shorter than itself
+    assert {guess.origin.kind for guess in last} == {GuessKind.SHAPE_APART}
+
+
+def test_paths_come_before_sweeps_where_they_are_much_shorter_and_nowhere_else():
+    task = task_on(ring())
+    kinds = [guess.origin.kind for guess in systematic_guesses(task)]
+    assert kinds[0] is GuessKind.SHAPE
+    strip = np.array([[x, y] for x in np.arange(20) * 0.5 for y in (0.25, 0.75)])
+    assert not any(guess.origin.kind is GuessKind.SHAPE for guess in systematic_guesses(task_on(strip)))
