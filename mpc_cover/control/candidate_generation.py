@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mpc_cover.planning.candidate import evaluate_guess
+from mpc_cover.planning.initial_guess.path_comparison import flight_time
 from mpc_cover.planning.initial_guess.plan_repair import PlanRepair
+from mpc_cover.planning.multistart import systematic_guesses
 from mpc_cover.planning.task import Task, needs_laps
 
 if TYPE_CHECKING:
@@ -24,6 +26,9 @@ if TYPE_CHECKING:
 _REST_SHARE = 0.05
 """Part of the cells on which a single-pass plan for many looks may leave some: one short plan takes the rest. Plain
 choice."""
+_MUCH_SHORTER_SHARE = 0.75
+"""Part of the length of a repaired plan below which the flight time of other paths justifies a search in flight; plain
+choice that leaves time for turns."""
 _TIMED_SWEEPS_SHARE = 0.5
 """Part of the budget for timed sweeps, where many looks are demanded; a plain choice."""
 
@@ -51,14 +56,14 @@ class CandidateGenerator:
         """Return the best of the former plan, repaired, and of a search, which is thorough at rest; None for none.
 
         In flight there is no search where the repaired plan covers everything: it is better than what one step has
-        time to find.
+        time to find, unless paths along the shape of what is left are much shorter.
         """
         if (candidate := self._single_pass(state, coverage, former, budget)) is not None:
             return candidate
         task, found = self._task(state, coverage), []
         if former is not None:
             found.append(_repaired(task, former))
-        if state.settled or not found or not found[0].covers:
+        if state.settled or not found or not found[0].covers or _much_longer_than_needed(task, found[0]):
             search = self._planner.thorough if state.settled else self._planner.quick
             found.append(search(task, budget))
         return self._best_verified(found, state)
@@ -89,6 +94,12 @@ class CandidateGenerator:
 def _repaired(task: Task, former: Trajectory) -> Candidate:
     """Return the best candidate along the paths of a former plan."""
     return min((evaluate_guess(task, guess) for guess in PlanRepair().guesses(task, former)), key=lambda one: one.rank)
+
+
+def _much_longer_than_needed(task: Task, candidate: Candidate) -> bool:
+    """Return whether there is a guess whose paths take much less time than a plan."""
+    least = min(flight_time(task, guess) for guess in systematic_guesses(task))
+    return least < _MUCH_SHORTER_SHARE * candidate.plan.steps * task.period
 
 
 def _takes_most(task: Task, candidate: Candidate) -> bool:

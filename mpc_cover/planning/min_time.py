@@ -32,6 +32,8 @@ _GUESSES_PER_START = 2
 """Initial guesses that a small search evaluates for each of its starts; a plain choice."""
 _GUESSES_SHARE = 0.3
 """Part of the budget for evaluating initial guesses; a plain choice."""
+_APART_SHARE = 0.3
+"""Part of the budget for guesses that are out of range; a plain choice."""
 _SUFFICIENT_REST = 0.1
 """Part of the cells that a guess may leave for its length to count as an estimate of the work; nearly all guesses in
 the plane leave less. Plain choice."""
@@ -75,7 +77,9 @@ def plan_free_horizon(
     leave cells are extended to them at the end. `attempts` bounds the lengths tried.
     """
     search = search or Search()
-    found = _evaluated_guesses(task, search, budget)
+    evaluated = _evaluated_guesses(task, search, budget)
+    apart = [candidate for candidate in evaluated if candidate.kind is GuessKind.SHAPE_APART]
+    found = [candidate for candidate in evaluated if candidate not in apart]
     work, least = _work(task, found), min(candidate.plan.steps for candidate in found)
     found.append(evaluate_guess(task, rest_guess(task.position), task.least_steps))
     if work * task.fleet.size > _LARGE:
@@ -83,6 +87,10 @@ def plan_free_horizon(
         return _plan_large(task, backend, in_order, budget)
     steps, too_short = max(task.least_steps, round(_UPPER_SHARE * work)), round(_LOWER_SHARE * least)
     shortest = 0
+    if apart and (together := _brought_together(task, backend, apart, search, budget)).complete:
+        found.append(together)
+        shortest, search = together.plan.steps, replace(search, names=_names([together]))
+        steps = too_short = round(_LOWER_SHARE * shortest)
     for _ in range(attempts):
         if budget.exhausted:
             break
@@ -106,6 +114,15 @@ def plan_free_horizon(
     found.sort(key=lambda candidate: candidate.rank)
     finished = [_extended(task, candidate, backend, budget) for candidate in found[:_EXTENDED] if candidate.feasible]
     return min([*finished, *found], key=lambda candidate: candidate.rank)
+
+
+def _brought_together(
+    task: Task, backend: Backend, apart: list[Candidate], search: Search, budget: Budget
+) -> Candidate:
+    """Return the best plan found from guesses that are out of range, in as many steps as these take."""
+    steps = max(task.least_steps, min(candidate.plan.steps for candidate in apart))
+    alone = replace(search, names=_names(apart))
+    return multistart(task, backend, steps, alone, budget.part(_APART_SHARE))[0]
 
 
 def _plan_large(task: Task, backend: Backend, evaluated: list[Candidate], budget: Budget) -> Candidate:

@@ -14,6 +14,8 @@ from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, candidate_of
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
+from mpc_cover.planning.initial_guess.path_comparison import shorter
+from mpc_cover.planning.initial_guess.shape_tour import ShapeTour
 from mpc_cover.planning.initial_guess.tour import Tour
 from mpc_cover.planning.scp import REFINEMENT_REGION, SHARPNESS, evaluate, length_scale, optimise
 
@@ -186,11 +188,17 @@ def _ignore(steps: int, candidate: Candidate) -> None:
 
 
 def systematic_guesses(task: Task) -> list[Guess]:
-    """Return all guesses that are neither random nor from an earlier plan, the most promising kinds first."""
+    """Return all guesses that are neither random nor from an earlier plan, the most promising kinds first.
+
+    Paths along the shape come first where they are much shorter than sweeps; last, where they need a longer range than
+    there is; and not at all elsewhere.
+    """
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
     makers: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
-    return sorted((guess for maker in makers for guess in maker.guesses(task)), key=_kind_rank)
+    sweeps = sorted((guess for maker in makers for guess in maker.guesses(task)), key=_kind_rank)
+    first, last = shorter(task, ShapeTour().guesses(task), sweeps)
+    return [*first, *sweeps, *last]
 
 
 def _kind_rank(guess: Guess) -> int:

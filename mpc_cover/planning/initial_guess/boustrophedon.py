@@ -58,9 +58,9 @@ def sweep_guesses(
     `cell` (K, d) [m]; `demand` (J, K) > 0 where there is demand; `position` (m, d) [m]; `period` T_s [s].
     `slow` sweeps are for many looks in a single pass.
     """
-    teams = _teams(fleet, cell, demand, period, slow=slow)
+    teams = teams_of(fleet, cell, demand, period, slow=slow)
     for axis in range(cell.shape[1]):
-        yield _by_team(
+        yield by_team(
             GuessKind.STRIPS,
             f"strips along axis {axis}",
             position,
@@ -78,8 +78,8 @@ def sweep_guesses(
             def combs(team: Team, a: int = axis, m: bool = mirrored, u: bool = upward) -> list[FloatArray]:
                 return comb(_even_lanes(team, a), position[team.agents], mirrored=m, upward=u)
 
-            yield _by_team(GuessKind.SNAKE, f"snake {name}", position, teams, snakes)
-            yield _by_team(GuessKind.COMB, f"comb {name}", position, teams, combs)
+            yield by_team(GuessKind.SNAKE, f"snake {name}", position, teams, snakes)
+            yield by_team(GuessKind.COMB, f"comb {name}", position, teams, combs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class Team:
     speed: FloatArray
 
 
-def _by_team(
+def by_team(
     kind: GuessKind, name: str, position: FloatArray, teams: list[Team], paths_of: Callable[[Team], list[FloatArray]]
 ) -> Guess:
     """Return the guess in which each team flies `paths_of(team)` and all other agents rest."""
@@ -103,7 +103,7 @@ def _by_team(
     return Guess(Origin(kind, name), paths)
 
 
-def _teams(fleet: Fleet, cell: FloatArray, demand: FloatArray, period: float, *, slow: bool) -> list[Team]:
+def teams_of(fleet: Fleet, cell: FloatArray, demand: FloatArray, period: float, *, slow: bool) -> list[Team]:
     """Return the teams for which there is demand."""
     able = np.isfinite(fleet.radius)
     teams = []

@@ -17,6 +17,8 @@ class GuessKind(Enum):
     COMB = "agents abreast, lane by lane"
     SNAKE = "one path through all lanes, cut into pieces"
     STRIPS = "a strip of equal work for each agent"
+    SHAPE = "one path along the shape, divided"
+    SHAPE_APART = "the same, farther apart than the communication range"
     TOUR = "a greedy tour from cell to cell"
     REST = "all agents rest"
     TIMED_SWEEP = "a sweep timed by a linear programme for many looks"

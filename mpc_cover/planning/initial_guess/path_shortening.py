@@ -1,0 +1,88 @@
+"""Shortening of a coverage path: waypoints are left out or pulled straight as long as every cell stays near the path.
+
+Lanes and the links between them make stairs along oblique parts of a shape, and turn farther out than they need to. A
+waypoint is removed, or moved towards the line between its neighbours, wherever the cells that only its two legs pass
+remain within the same distance of the new legs.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.model.tolerances import DIVISOR_MIN
+
+if TYPE_CHECKING:
+    from mpc_cover.arrays import FloatArray
+
+_PULLS = (1.0, 0.6, 0.3, 0.1)
+"""Parts of the way to the line between its neighbours that a waypoint is moved, the largest first; plain choices."""
+_PASSES = 8
+"""Passes over all waypoints at most; a plain choice."""
+_GAIN_MIN = 2e-3
+"""Relative gain in length below which passes end; a plain choice."""
+_SIZE_MAX = 4_000_000
+"""Legs times cells above which a path is left as it is; a plain choice that bounds time and memory."""
+_ROUNDING = 1e-9
+"""Relative tolerance of distances to the path; a plain choice."""
+
+
+def leg_distance(cell: FloatArray, begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return distances (K,) [m] of (K, d) cells [m] to the leg between two points, and the part of it passed there."""
+    leg = end - begin
+    part = np.clip((cell - begin) @ leg / max(float(leg @ leg), DIVISOR_MIN), 0.0, 1.0)
+    return np.linalg.norm(cell - begin - part[:, None] * leg, axis=1), part
+
+
+def path_length(path: FloatArray) -> float:
+    """Return the length [m] of a path (W, d) [m]."""
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def shortened(path: FloatArray, cell: FloatArray, distance: float) -> FloatArray:
+    """Return a path (W', d) [m] no longer than `path` that passes the same (K, d) cells [m] within `distance` [m]."""
+    if len(path) < 3 or len(path) * len(cell) > _SIZE_MAX:  # noqa: PLR2004 - two ends and a waypoint between them
+        return path
+    near = distance * (1.0 + _ROUNDING)
+    for _ in range(_PASSES):
+        shorter = _one_pass(path, cell, near)
+        gain = path_length(path) - path_length(shorter)
+        path = shorter
+        if gain <= _GAIN_MIN * path_length(path):
+            break
+    return path
+
+
+def _one_pass(path: FloatArray, cell: FloatArray, near: float) -> FloatArray:
+    """Remove or move each waypoint in turn, the two ends excepted."""
+    passed = np.array([leg_distance(cell, a, b)[0] <= near for a, b in pairwise(path)])
+    count = passed.sum(axis=0)
+    points = path.copy()
+    kept, row = [0], 0  # `row` of `passed` is the leg that ends at the waypoint in turn
+    for k in range(1, len(path) - 1):
+        before, here, after = points[kept[-1]], points[k], points[k + 1]
+        only = np.flatnonzero((passed[row] | passed[k]) & (count == passed[row].astype(int) + passed[k]))
+        needed = cell[only]
+        if (leg_distance(needed, before, after)[0] <= near).all():
+            count -= passed[row].astype(int) + passed[k]
+            passed[k] = leg_distance(cell, before, after)[0] <= near
+            count += passed[k]
+            row = k
+            continue
+        chord = after - before
+        part = np.clip((here - before) @ chord / max(float(chord @ chord), DIVISOR_MIN), 0.0, 1.0)
+        for pull in _PULLS:
+            place = here + pull * (before + part * chord - here)
+            reach = np.minimum(leg_distance(needed, before, place)[0], leg_distance(needed, place, after)[0])
+            if (reach <= near).all():
+                count -= passed[row].astype(int) + passed[k]
+                passed[row] = leg_distance(cell, before, place)[0] <= near
+                passed[k] = leg_distance(cell, place, after)[0] <= near
+                count += passed[row].astype(int) + passed[k]
+                points[k] = place
+                break
+        kept.append(k)
+        row = k
+    return points[[*kept, len(path) - 1]]
