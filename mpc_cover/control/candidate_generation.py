@@ -63,6 +63,22 @@ class CandidateGenerator:
             found.append(search(task, budget))
         return self._best_verified(found, state)
 
+    def extended(self, plan: Trajectory, state: FleetState, coverage: FlownMap, budget: Budget) -> Trajectory | None:
+        """Return the mission plan extended to what it leaves, which no plan within the horizon may reach; or None.
+
+        It is extended from its end at rest, so that what is flown until then remains the same.
+        """
+        constraints = self._constraints
+        here = (state.position, state.velocity, state.time)
+        weight, looks = self._allocation.left(coverage, state, plan.position[:1], constraints.planned.radius)
+        if looks is not None:
+            return None
+        task = Task(constraints.planned, self._cell, weight * constraints.reachable, *here, self._period)
+        longer = self._planner.extended(task, plan, budget).plan
+        if longer.steps == plan.steps or not constraints.keeps(longer, state):
+            return None
+        return longer if constraints.keeps_passive_safety(longer, plan, None) else None
+
     def _single_pass(
         self, state: FleetState, coverage: FlownMap, former: Trajectory | None, budget: Budget
     ) -> Candidate | None:

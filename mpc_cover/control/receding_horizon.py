@@ -149,6 +149,9 @@ class RecedingHorizon:
         """Improve the mission plan, or find another one; return state, situation and reason."""
         plan, in_rendezvous = law.plan, law.mode is Mode.RENDEZVOUS
         if plan is not None and not in_rendezvous and not self._runs_out(plan, state, coverage):
+            longer = self._extended(plan, state, coverage, budget)
+            if longer is not None:
+                return replace(law, plan=longer), situation, "extended to what is left"
             plan, reason = self._improvement.improved(plan, state, coverage, self._incumbent, budget)
             return replace(law, plan=plan), situation, reason
         reason = "nothing better was found"
@@ -219,6 +222,17 @@ class RecedingHorizon:
         _, looks = self._allocation.left(coverage, state, plan.position, self._constraints.planned.radius)
         left = self._left_by(plan.position, state, coverage)
         return self._allocation.more or (looks is not None and bool((left > 0.0).any()))
+
+    def _extended(self, plan: Trajectory, state: FleetState, coverage: FlownMap, budget: Budget) -> Trajectory | None:
+        """Return a mission plan that ends within the horizon and leaves demand, extended to it; None where that fails.
+
+        A fleet that waited until its plan has ended would stop, and search in the time of one step.
+        """
+        if coverage.endless or plan.steps > self._constraints.horizon:
+            return None
+        if not (self._left_by(plan.position, state, coverage) > 0.0).any():
+            return None
+        return self._candidates.extended(plan, state, coverage, budget)
 
     def _rest_of(self, plan: Trajectory | None, state: FleetState) -> Trajectory | None:
         """Return the rest of the mission plan from this state on, or None if it is over or violates the constraints."""

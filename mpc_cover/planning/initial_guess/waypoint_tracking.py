@@ -19,8 +19,9 @@ LIMIT_SHARE = 0.97
 """Part of the speed and input limits that initial guesses use, so that the SQP has freedom; a plain choice."""
 _CORRECTION_SHARE = 0.5
 """Part of the position error that `track_samples` corrects per sample; a plain choice."""
-_MAX_STEPS = 2000
-"""Steps after which tracking without a given length ends; a plain choice beyond any mission's needs."""
+_MAX_STEPS, _MAX_PATHS = 2000, 3.0
+"""Steps after which tracking without a given length ends, and those in units of the time for the longest path at full
+speed, whichever are more; plain choices."""
 _ARRIVED_STEPS, _ARRIVED_M = 0.2, 0.05
 """Distance at which a last waypoint counts as reached: part of a step at full speed plus a length [m]; plain choice."""
 _APPROACH_SHARE = 0.9
@@ -41,14 +42,14 @@ def track_waypoints(
     start_time: float = 0.0,
     steps: int | None = None,
     stop: bool = True,
-    max_steps: int = _MAX_STEPS,
+    max_steps: int | None = None,
 ) -> Trajectory:
     """Return the motion of agents along their (W_i, d) waypoints [m] that comes to rest at the last ones.
 
     With `steps` the motion has that many and is at rest at the end, arrived or not (unless `stop` is false);
-    without, it is as long as the last arrival needs, but at most `max_steps`. An agent turns to the next waypoint at
-    its stopping distance. The initial state is (m, d) `position` [m] and `velocity` [m/s]; inputs stay within their
-    limits unless the initial velocity makes that impossible.
+    without, it is as long as the last arrival needs, but at most `max_steps` (None: more than any path takes). An
+    agent turns to the next waypoint at its stopping distance. The initial state is (m, d) `position` [m] and
+    `velocity` [m/s]; inputs stay within their limits unless the initial velocity makes that impossible.
     """
     count = fleet.size
     speed, force = LIMIT_SHARE * fleet.speed_max, LIMIT_SHARE * fleet.input_max
@@ -61,7 +62,7 @@ def track_waypoints(
     every = np.arange(count)
     q, v = position.astype(float), velocity.astype(float)
     qs, vs = [q], [v]
-    total = steps or max_steps
+    total = steps or max_steps or _most_steps(paths, position, speed, period)
     for n in range(total):
         for _ in range(int(ends.max()) + 1):
             near = np.linalg.norm(target_of[every, index] - q, axis=1) < capture
@@ -81,6 +82,13 @@ def track_waypoints(
         qs.append(q)
         vs.append(v)
     return _trajectory(qs, vs, None if steps is not None else force, start_time, period)
+
+
+def _most_steps(paths: Sequence[FloatArray], position: FloatArray, speed: FloatArray, period: float) -> int:
+    """Return a number of steps in which agents come to the ends of their paths, however long."""
+    whole = (np.concatenate([here[None], path]) for here, path in zip(position, paths, strict=True))
+    length = np.array([np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in whole])
+    return max(_MAX_STEPS, int(np.ceil(_MAX_PATHS * float((length / speed).max()) / period)))
 
 
 def track_samples(
