@@ -124,7 +124,7 @@ def _plan_large(task: Task, backend: Backend, evaluated: list[Candidate], budget
             task, motion, backend, length=SEGMENT_STEPS, passes=_LARGE_PASSES, budget=part
         )
         found.append(evaluate_motion(task, position[0], velocity, guess.origin))
-        if found[-1].feasible:
+        if found[-1].feasible and not found[-1].violates_passive_safety:
             break
     found += [guess for guess in guesses if guess.feasible]
     return _finished(task, found, backend, budget)

@@ -97,7 +97,10 @@ def _is_clear(motion: Trajectory, task: Task, delay: IntArray, placed: list[int]
     ours = motion.position[np.clip(sample - late, 0, motion.steps), agent]
     others = motion.position[np.clip(sample[:, None] - delay[placed], 0, motion.steps), placed]
     between = others - ours[:, None]  # (steps+1, placed, d)
-    least = np.minimum(_CLEARANCE * task.fleet.separation_min, np.linalg.norm(between[0], axis=1))
+    fleet = task.fleet
+    stop = 0.5 * fleet.speed_max**2 / fleet.input_max if fleet.reaction_periods > 0.0 else np.zeros(fleet.size)
+    apart = _CLEARANCE * fleet.separation_min + np.maximum(stop[agent], stop[placed])
+    least = np.minimum(apart, np.linalg.norm(between[0], axis=1))
     return bool((_closest(between) >= least * (1.0 - _ROUNDING)).all())
 
 
