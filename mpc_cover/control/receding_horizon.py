@@ -183,7 +183,9 @@ class RecedingHorizon:
         found_too_late = best.idle and law.former is not None
         worth = found_too_late or self._is_poor(best, law, state, coverage)
         situation = replace(situation, worth_replanning=worth, on_plan=True)
-        return replace(law, plan=best.plan, former=None), situation, best.origin.name
+        # steps may measure on the way what an extension is for: it is made anew when the end is within the horizon
+        plan = best.plan if best.main is None else best.main
+        return replace(law, plan=plan, former=None), situation, best.origin.name
 
     def _rendezvous(self, law: _LawState, situation: Situation, state: FleetState) -> tuple[_LawState, Situation, str]:
         """Continue the rendezvous of groups that are out of range of each other, or find a motion for it."""

@@ -15,7 +15,7 @@ import numpy as np
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion
 from mpc_cover.planning.initial_guess.formation import FormationFlight
-from mpc_cover.planning.initial_guess.guess import Origin
+from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
 from mpc_cover.planning.initial_guess.staggered_tour import StaggeredTour
 from mpc_cover.planning.multistart import Search, multistart
 
@@ -75,5 +75,7 @@ def _gain(rest: Task, more: Candidate) -> int:
 
 def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:
     velocity = np.concatenate([first.plan.velocity, second.plan.velocity[1:]])
-    origin = Origin(first.kind, f"{first.origin.name}, then {second.origin.name}")
-    return evaluate_motion(task, first.plan.position[0], velocity, origin)
+    rests = first.kind is GuessKind.REST
+    origin = Origin(second.kind if rests else first.kind, f"{first.origin.name}, then {second.origin.name}")
+    whole = evaluate_motion(task, first.plan.position[0], velocity, origin)
+    return replace(whole, main=first.main or (None if rests else first.plan))

@@ -101,13 +101,18 @@ def plan_free_horizon(
 
 def _finished(task: Task, found: list[Candidate], backend: Backend, budget: Budget) -> Candidate:
     """Return the best of the candidates found, the most promising extended to what they leave; at least one is."""
-    moving = sorted(found, key=lambda one: (one.kind is GuessKind.REST and not one.covers, one.rank))
     finished: list[Candidate] = []
-    for candidate in [one for one in moving if one.feasible][:_EXTENDED]:
+    for candidate in sorted((one for one in found if one.feasible), key=_extension_order)[:_EXTENDED]:
         if finished and budget.exhausted:
             break
         finished.append(extended(task, candidate, backend, budget))
     return min([*finished, *found], key=lambda candidate: candidate.rank)
+
+
+def _extension_order(candidate: Candidate) -> tuple[bool, bool, float]:
+    """Sort key of plans that may leave something: those that move, are passively safe, are short and leave little."""
+    idle = candidate.kind is GuessKind.REST and not candidate.covers
+    return idle, candidate.violates_passive_safety, guess_priority(candidate, _VIOLATION_COST)
 
 
 def _plan_large(task: Task, backend: Backend, evaluated: list[Candidate], budget: Budget) -> Candidate:

@@ -29,6 +29,8 @@ _CLEARANCE = 1.02
 """Least distance between samples, which a straight line between them approximates, in rho_B; a plain choice."""
 _ROUNDING = 1e-9
 """Relative tolerance of distances; a plain choice."""
+_WALL_SHARE = 0.1
+"""Room that tours leave to the walls of the motion box, in steps at full speed, or of the box; a plain choice."""
 _DELAYS = 12
 """Times of departure that are tried, evenly from at once to the arrival of the last agent; a plain choice."""
 
@@ -51,13 +53,21 @@ class StaggeredTour:
         active = np.isfinite(task.fleet.radius).any(axis=1) & task.fleet.is_active
         while active.any():
             tour = tour_guess(_with_radii(task, active), task.cell, task.weight, task.position)
-            motion = task.flown(tour, None)
+            motion = _inside(task).flown(tour, None)
             self._budget.charge(GUESS_SAMPLE_S * motion.steps)
             staggered, stays = _staggered(motion, task)
             if stays is None:
                 yield Guess(Origin(GuessKind.TOUR, "tour"), motion=staggered)
                 return
             active[stays] = False
+
+
+def _inside(task: Task) -> Task:
+    """Return the task in a motion box that is a little narrower: at full speed, tracking overshoots walls."""
+    fleet = task.fleet
+    room = _WALL_SHARE * float(fleet.speed_max.max()) * task.period
+    room = min(room, _WALL_SHARE * float((fleet.motion_max - fleet.motion_min).min()))
+    return replace(task, fleet=replace(fleet, motion_min=fleet.motion_min + room, motion_max=fleet.motion_max - room))
 
 
 def _with_radii(task: Task, able: BoolArray) -> FleetConstraints:
@@ -99,7 +109,8 @@ def _is_clear(motion: Trajectory, task: Task, delay: IntArray, placed: list[int]
     between = others - ours[:, None]  # (steps+1, placed, d)
     fleet = task.fleet
     stop = 0.5 * fleet.speed_max**2 / fleet.input_max if fleet.reaction_periods > 0.0 else np.zeros(fleet.size)
-    apart = _CLEARANCE * fleet.separation_min + np.maximum(stop[agent], stop[placed])
+    rests = np.abs(motion.velocity[:, placed]).max(axis=(0, 2)) <= AT_REST
+    apart = _CLEARANCE * fleet.separation_min + np.where(rests, 0.0, np.maximum(stop[agent], stop[placed]))
     least = np.minimum(apart, np.linalg.norm(between[0], axis=1))
     return bool((_closest(between) >= least * (1.0 - _ROUNDING)).all())
 
