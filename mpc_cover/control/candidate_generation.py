@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.plan_repair import PlanRepair
 from mpc_cover.planning.task import Task, needs_laps
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 _REST_SHARE = 0.05
 """Part of the cells on which a single-pass plan for many looks may leave some: one short plan takes the rest. Plain
 choice."""
+_REPAIR_TRACKINGS = 2
+"""Motions that are tracked to repair a plan: along its paths, and with a tour at their end. Derived."""
 _TIMED_SWEEPS_SHARE = 0.5
 """Part of the budget for timed sweeps, where many looks are demanded; a plain choice."""
 
@@ -57,7 +60,7 @@ class CandidateGenerator:
             return candidate
         task, found = self._task(state, coverage), []
         if former is not None:
-            found.append(_repaired(task, former))
+            found.append(_repaired(task, former, budget))
         if state.settled or not found or not found[0].covers:
             search = self._planner.thorough if state.settled else self._planner.quick
             found.append(search(task, budget))
@@ -86,7 +89,7 @@ class CandidateGenerator:
         task = self._task(state, coverage, single_pass=True)
         if not needs_laps(task.looks):
             return None
-        found = [] if former is None else [_repaired(task, former)]
+        found = [] if former is None else [_repaired(task, former, budget)]
         if not any(one.complete for one in found):
             found = self._planner.timed_sweeps(task, budget.part(_TIMED_SWEEPS_SHARE), thorough=state.settled)
         return self._best_verified((one for one in found if _takes_most(task, one)), state)
@@ -102,9 +105,13 @@ class CandidateGenerator:
         return Task(fleet, self._cell, demand, *here, self._period, looks=looks)
 
 
-def _repaired(task: Task, former: Trajectory) -> Candidate:
+def _repaired(task: Task, former: Trajectory, budget: Budget) -> Candidate:
     """Return the best candidate along the paths of a former plan."""
-    return min((evaluate_guess(task, guess) for guess in PlanRepair().guesses(task, former)), key=lambda one: one.rank)
+    found = []
+    for guess in PlanRepair().guesses(task, former):
+        found.append(evaluate_guess(task, guess))
+        budget.charge(_REPAIR_TRACKINGS * GUESS_SAMPLE_S * found[-1].plan.steps)
+    return min(found, key=lambda one: one.rank)
 
 
 def _takes_most(task: Task, candidate: Candidate) -> bool:

@@ -19,6 +19,7 @@ from mpc_cover.control.fallback_policy import best_proposal, stop_proposal
 from mpc_cover.control.plan_improvement import PlanImprovement
 from mpc_cover.control.planning_constraints import PlanningConstraints
 from mpc_cover.control.recovery import Mode, ReplanHistory, Situation, next_mode, stays_at
+from mpc_cover.control.work_estimate import work_bound
 from mpc_cover.planning.initial_guess.rendezvous import Rendezvous, out_of_range
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
@@ -46,12 +47,14 @@ class _LawState:
     former : the mission plan before a fault, whose paths may be reused.
     mode : the present mode.
     history : of thorough searches at rest.
+    efficiency : duration of the last plan found at rest, in units of the bound on its work; None before the first.
     """
 
     plan: Trajectory | None
     former: Trajectory | None
     mode: Mode
     history: ReplanHistory
+    efficiency: float | None = None
 
 
 class RecedingHorizon:
@@ -181,7 +184,9 @@ class RecedingHorizon:
         if best.violates_passive_safety and law.plan is not None:
             return law, replace(situation, worth_replanning=True, on_plan=True), "no passively safe plan was found yet"
         found_too_late = best.idle and law.former is not None
-        worth = found_too_late or self._is_poor(best, law, state, coverage)
+        worth = found_too_late or self._is_poor(best, law, state, coverage) or self._is_slow(best, law, state, coverage)
+        if state.settled and best.covers and (bound_s := self._work_bound(state, coverage)) > 0.0:
+            law = replace(law, efficiency=best.plan.steps * self._period / bound_s)
         situation = replace(situation, worth_replanning=worth, on_plan=True)
         # steps may measure on the way what an extension is for: it is made anew when the end is within the horizon
         plan = best.plan if best.main is None else best.main
@@ -205,6 +210,25 @@ class RecedingHorizon:
             return False
         demand = self._left_by(state.position[None], state, coverage)
         return law.history.is_poor(self._left_by(best.plan.position, state, coverage), demand)
+
+    def _is_slow(self, best: Candidate, law: _LawState, state: FleetState, coverage: FlownMap) -> bool:
+        """Return whether a plan for a changed fleet takes longer than to stop and to plan thoroughly would.
+
+        A thorough plan is expected to be as good as the last one, by the bound on the work of the fleet as it is now.
+        """
+        if state.settled or law.former is None or law.efficiency is None or coverage.endless:
+            return False
+        fleet = self._constraints.planned
+        stop_s = self._planning_s + float((fleet.speed_max / fleet.input_max).max())
+        expected_s = law.efficiency * self._work_bound(state, coverage)
+        return best.plan.steps * self._period > expected_s + stop_s
+
+    def _work_bound(self, state: FleetState, coverage: FlownMap) -> float:
+        """Return about the least time in which the allocated demand can be measured [s]."""
+        fleet, field = self._constraints.planned, self._field
+        weight, looks = self._allocation.left(coverage, state, state.position[None], fleet.radius)
+        demand = weight * self._constraints.reachable, looks
+        return work_bound(fleet, field.cell, field.cell_size, demand, state.position)
 
     def _is_stranded(self, law: _LawState, state: FleetState, coverage: FlownMap, budget: Budget) -> bool:
         """Return whether a fleet at rest has found no plan that moves it in time, though demand is outstanding."""

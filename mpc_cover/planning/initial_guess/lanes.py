@@ -121,8 +121,8 @@ def _inset(cell: FloatArray, swath: Swath, others: Sequence[int], length: float)
     if length <= _LONG_LANE * swath.radius:
         return swath.inset * swath.radius
     aside = 0.5 * (cell[:, others].max(axis=0) - cell[:, others].min(axis=0))
-    reach = np.sqrt(max(swath.radius**2 - float((aside**2).sum()), 0.0))
-    return min(swath.inset * swath.radius, _CORNER_SHARE * reach)
+    reach = max(swath.radius**2 - float((aside**2).sum()), 0.0) ** 0.5
+    return float(min(swath.inset * swath.radius, _CORNER_SHARE * reach))
 
 
 def snake(lanes: Sequence[Lane], start: FloatArray) -> FloatArray:

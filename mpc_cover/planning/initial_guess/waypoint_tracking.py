@@ -63,13 +63,15 @@ def track_waypoints(
     count = fleet.size
     speed, force = LIMIT_SHARE * fleet.speed_max, LIMIT_SHARE * fleet.input_max
     radius = _smallest_radius(fleet)
-    capture = np.minimum(0.5 * speed**2 / force, _CUT_MAX * radius)
+    stopping = 0.5 * speed**2 / force
+    capture = np.minimum(stopping, _CUT_MAX * radius)
     ends = np.array([len(path) - 1 for path in paths], dtype=np.intp)
     target_of = np.full((count, int(ends.max()) + 1, position.shape[1]), np.nan)
     for i, path in enumerate(paths):
         target_of[i, : len(path)] = path
     leg_start = np.concatenate([position[:, None], target_of[:, :-1]], axis=1)
     turning = _turning_speeds(target_of, position, capture, force)
+    turning[stopping <= capture] = np.inf  # who cuts off no more than that need not slow down
     index = np.zeros(count, dtype=np.intp)
     every = np.arange(count)
     q, v = position.astype(float), velocity.astype(float)
@@ -101,7 +103,7 @@ def track_waypoints(
 
 def _smallest_radius(fleet: Fleet) -> FloatArray:
     """Return (m,) [m]: the smallest sensing radius of each agent; inf where it measures nothing."""
-    return np.where(np.isfinite(fleet.radius), fleet.radius, np.inf).min(axis=1)
+    return np.asarray(np.where(np.isfinite(fleet.radius), fleet.radius, np.inf).min(axis=1))
 
 
 def _on_leg(q: FloatArray, start: FloatArray, goal: FloatArray, radius: FloatArray) -> FloatArray:
