@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.path_comparison import flight_time
 from mpc_cover.planning.initial_guess.plan_repair import PlanRepair
@@ -29,6 +30,8 @@ choice."""
 _MUCH_SHORTER_SHARE = 0.75
 """Part of the length of a repaired plan below which the flight time of other paths justifies a search in flight; plain
 choice that leaves time for turns."""
+_REPAIR_TRACKINGS = 2
+"""Motions that are tracked to repair a plan: along its paths, and with a tour at their end. Derived."""
 _TIMED_SWEEPS_SHARE = 0.5
 """Part of the budget for timed sweeps, where many looks are demanded; a plain choice."""
 
@@ -62,11 +65,27 @@ class CandidateGenerator:
             return candidate
         task, found = self._task(state, coverage), []
         if former is not None:
-            found.append(_repaired(task, former))
+            found.append(_repaired(task, former, budget))
         if state.settled or not found or not found[0].covers or _much_longer_than_needed(task, found[0]):
             search = self._planner.thorough if state.settled else self._planner.quick
             found.append(search(task, budget))
         return self._best_verified(found, state)
+
+    def extended(self, plan: Trajectory, state: FleetState, coverage: DemandMap, budget: Budget) -> Trajectory | None:
+        """Return the mission plan extended to what it leaves, which no plan within the horizon may reach; or None.
+
+        It is extended from its end at rest, so that what is flown until then remains the same.
+        """
+        constraints = self._constraints
+        here = (state.position, state.velocity, state.time)
+        weight, looks = self._allocation.left(coverage, state, plan.position[:1], constraints.planned.radius)
+        if looks is not None:
+            return None
+        task = Task(constraints.planned, self._cell, weight * constraints.reachable, *here, self._period)
+        longer = self._planner.extended(task, plan, budget).plan
+        if longer.steps == plan.steps or not constraints.keeps(longer, state):
+            return None
+        return longer if constraints.keeps_passive_safety(longer, plan, None) else None
 
     def _single_pass(
         self, state: FleetState, coverage: DemandMap, former: Trajectory | None, budget: Budget
@@ -75,7 +94,7 @@ class CandidateGenerator:
         task = self._task(state, coverage, single_pass=True)
         if not needs_laps(task.looks):
             return None
-        found = [] if former is None else [_repaired(task, former)]
+        found = [] if former is None else [_repaired(task, former, budget)]
         if not any(one.complete for one in found):
             found = self._planner.timed_sweeps(task, budget.part(_TIMED_SWEEPS_SHARE), thorough=state.settled)
         return self._best_verified((one for one in found if _takes_most(task, one)), state)
@@ -91,9 +110,13 @@ class CandidateGenerator:
         return Task(fleet, self._cell, demand, *here, self._period, looks=looks)
 
 
-def _repaired(task: Task, former: Trajectory) -> Candidate:
+def _repaired(task: Task, former: Trajectory, budget: Budget) -> Candidate:
     """Return the best candidate along the paths of a former plan."""
-    return min((evaluate_guess(task, guess) for guess in PlanRepair().guesses(task, former)), key=lambda one: one.rank)
+    found = []
+    for guess in PlanRepair().guesses(task, former):
+        found.append(evaluate_guess(task, guess))
+        budget.charge(_REPAIR_TRACKINGS * GUESS_SAMPLE_S * found[-1].plan.steps)
+    return min(found, key=lambda one: one.rank)
 
 
 def _much_longer_than_needed(task: Task, candidate: Candidate) -> bool:

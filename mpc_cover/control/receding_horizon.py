@@ -19,6 +19,7 @@ from mpc_cover.control.fallback_policy import best_proposal, stop_proposal
 from mpc_cover.control.plan_improvement import PlanImprovement
 from mpc_cover.control.planning_constraints import PlanningConstraints
 from mpc_cover.control.recovery import Mode, ReplanHistory, Situation, next_mode, stays_at
+from mpc_cover.control.work_estimate import work_bound
 from mpc_cover.planning.initial_guess.rendezvous import Rendezvous, out_of_range
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
@@ -46,12 +47,14 @@ class _LawState:
     former : the mission plan before a fault, whose paths may be reused.
     mode : the present mode.
     history : of thorough searches at rest.
+    efficiency : duration of the last plan found at rest, in units of the bound on its work; None before the first.
     """
 
     plan: Trajectory | None
     former: Trajectory | None
     mode: Mode
     history: ReplanHistory
+    efficiency: float | None = None
 
 
 class RecedingHorizon:
@@ -149,6 +152,9 @@ class RecedingHorizon:
         """Improve the mission plan, or find another one; return state, situation and reason."""
         plan, in_rendezvous = law.plan, law.mode is Mode.RENDEZVOUS
         if plan is not None and not in_rendezvous and not self._runs_out(plan, state, coverage):
+            longer = self._extended(plan, state, coverage, budget)
+            if longer is not None:
+                return replace(law, plan=longer), situation, "extended to what is left"
             plan, reason = self._improvement.improved(plan, state, coverage, self._incumbent, budget)
             return replace(law, plan=plan), situation, reason
         reason = "nothing better was found"
@@ -178,9 +184,13 @@ class RecedingHorizon:
         if best.violates_passive_safety and law.plan is not None:
             return law, replace(situation, worth_replanning=True, on_plan=True), "no passively safe plan was found yet"
         found_too_late = best.idle and law.former is not None
-        worth = found_too_late or self._is_poor(best, law, state, coverage)
+        worth = found_too_late or self._is_poor(best, law, state, coverage) or self._is_slow(best, law, state, coverage)
+        if state.settled and best.covers and (bound_s := self._work_bound(state, coverage)) > 0.0:
+            law = replace(law, efficiency=best.plan.steps * self._period / bound_s)
         situation = replace(situation, worth_replanning=worth, on_plan=True)
-        return replace(law, plan=best.plan, former=None), situation, best.origin.name
+        # steps may measure on the way what an extension is for: it is made anew when the end is within the horizon
+        plan = best.plan if best.main is None else best.main
+        return replace(law, plan=plan, former=None), situation, best.origin.name
 
     def _rendezvous(self, law: _LawState, situation: Situation, state: FleetState) -> tuple[_LawState, Situation, str]:
         """Continue the rendezvous of groups that are out of range of each other, or find a motion for it."""
@@ -201,6 +211,25 @@ class RecedingHorizon:
         demand = self._left_by(state.position[None], state, coverage)
         return law.history.is_poor(self._left_by(best.plan.position, state, coverage), demand)
 
+    def _is_slow(self, best: Candidate, law: _LawState, state: FleetState, coverage: DemandMap) -> bool:
+        """Return whether a plan for a changed fleet takes longer than to stop and to plan thoroughly would.
+
+        A thorough plan is expected to be as good as the last one, by the bound on the work of the fleet as it is now.
+        """
+        if state.settled or law.former is None or law.efficiency is None or coverage.endless:
+            return False
+        fleet = self._constraints.planned
+        stop_s = self._planning_s + float((fleet.speed_max / fleet.input_max).max())
+        expected_s = law.efficiency * self._work_bound(state, coverage)
+        return best.plan.steps * self._period > expected_s + stop_s
+
+    def _work_bound(self, state: FleetState, coverage: DemandMap) -> float:
+        """Return about the least time in which the allocated demand can be measured [s]."""
+        fleet, field = self._constraints.planned, self._field
+        weight, looks = self._allocation.left(coverage, state, state.position[None], fleet.radius)
+        demand = weight * self._constraints.reachable, looks
+        return work_bound(fleet, field.cell, field.cell_size, demand, state.position)
+
     def _is_stranded(self, law: _LawState, state: FleetState, coverage: DemandMap, budget: Budget) -> bool:
         """Return whether a fleet at rest has found no plan that moves it in time, though demand is outstanding."""
         here, plan = state.position, law.plan
@@ -219,6 +248,17 @@ class RecedingHorizon:
         _, looks = self._allocation.left(coverage, state, plan.position, self._constraints.planned.radius)
         left = self._left_by(plan.position, state, coverage)
         return self._allocation.more or (looks is not None and bool((left > 0.0).any()))
+
+    def _extended(self, plan: Trajectory, state: FleetState, coverage: DemandMap, budget: Budget) -> Trajectory | None:
+        """Return a mission plan that ends within the horizon and leaves demand, extended to it; None where that fails.
+
+        A fleet that waited until its plan has ended would stop, and search in the time of one step.
+        """
+        if coverage.endless or plan.steps > self._constraints.horizon:
+            return None
+        if not (self._left_by(plan.position, state, coverage) > 0.0).any():
+            return None
+        return self._candidates.extended(plan, state, coverage, budget)
 
     def _rest_of(self, plan: Trajectory | None, state: FleetState) -> Trajectory | None:
         """Return the rest of the mission plan from this state on, or None if it is over or violates the constraints."""

@@ -30,6 +30,7 @@ class Candidate:
     origin : of its initial guess.
     refined : the SCP result behind it.
     braking_violation : largest violation of passive safety [m].
+    main : the plan without its extension to what it leaves; None where it has none.
     """
 
     plan: Trajectory
@@ -38,6 +39,7 @@ class Candidate:
     origin: Origin
     refined: SCPResult | None = None
     braking_violation: float = 0.0
+    main: Trajectory | None = None
 
     @property
     def kind(self) -> GuessKind:

@@ -6,13 +6,10 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion, guess_priority
-from mpc_cover.planning.initial_guess.formation import FormationFlight
-from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
-from mpc_cover.planning.initial_guess.tour import tour_guess
+from mpc_cover.planning.extension import extended
+from mpc_cover.planning.initial_guess.guess import GuessKind, rest_guess
 from mpc_cover.planning.multistart import Search, multistart, systematic_guesses
 from mpc_cover.planning.segment_refinement import SEGMENT_STEPS, refine_segments
 
@@ -49,11 +46,7 @@ FAILURES = 3
 _MORE_STARTS, _FINALISTS, _MORE_FINALISTS = 8, 6, 4
 """Random starts added after each failed length, finalists, and finalists added, of that search; plain choices."""
 _EXTENDED = 3
-"""Plans that are extended to cells that they leave, where none covers everything; a plain choice."""
-_EXTENSIONS = 3
-"""Extensions of each such plan; a plain choice."""
-_EXTENSION_SEARCH = Search(starts=2, finalists=1)
-"""The search for an extension whose guess is infeasible; a plain choice of the least effort."""
+"""Plans that are extended to cells that they leave; a plain choice."""
 _LARGE = 500
 """Samples times agents above which one QP for the whole plan takes too long, and plans are refined by segments; a plain
 choice."""
@@ -111,8 +104,16 @@ def plan_free_horizon(
             steps += max(_INCREASE_STEPS, round(increase * steps))
         if steps in {too_short, shortest}:
             break
-    found.sort(key=lambda candidate: candidate.rank)
-    finished = [_extended(task, candidate, backend, budget) for candidate in found[:_EXTENDED] if candidate.feasible]
+    return _finished(task, found, backend, budget)
+
+
+def _finished(task: Task, found: list[Candidate], backend: Backend, budget: Budget) -> Candidate:
+    """Return the best of the candidates found, the most promising extended to what they leave; at least one is."""
+    finished: list[Candidate] = []
+    for candidate in sorted((one for one in found if one.feasible), key=_extension_order)[:_EXTENDED]:
+        if finished and budget.exhausted:
+            break
+        finished.append(extended(task, candidate, backend, budget))
     return min([*finished, *found], key=lambda candidate: candidate.rank)
 
 
@@ -123,6 +124,12 @@ def _brought_together(
     steps = max(task.least_steps, min(candidate.plan.steps for candidate in apart))
     alone = replace(search, names=_names(apart))
     return multistart(task, backend, steps, alone, budget.part(_APART_SHARE))[0]
+
+
+def _extension_order(candidate: Candidate) -> tuple[bool, bool, float]:
+    """Sort key of plans that may leave something: those that move, are passively safe, are short and leave little."""
+    idle = candidate.kind is GuessKind.REST and not candidate.covers
+    return idle, candidate.violates_passive_safety, guess_priority(candidate, _VIOLATION_COST)
 
 
 def _plan_large(task: Task, backend: Backend, evaluated: list[Candidate], budget: Budget) -> Candidate:
@@ -139,11 +146,10 @@ def _plan_large(task: Task, backend: Backend, evaluated: list[Candidate], budget
             task, motion, backend, length=SEGMENT_STEPS, passes=_LARGE_PASSES, budget=part
         )
         found.append(evaluate_motion(task, position[0], velocity, guess.origin))
-        if found[-1].feasible:
+        if found[-1].feasible and not found[-1].violates_passive_safety:
             break
     found += [guess for guess in guesses if guess.feasible]
-    finished = [_extended(task, candidate, backend, budget) for candidate in found if candidate.feasible]
-    return min([*finished, *found], key=lambda candidate: candidate.rank)
+    return _finished(task, found, backend, budget)
 
 
 def plan_min_time(
@@ -213,43 +219,3 @@ def _names(candidates: list[Candidate]) -> tuple[str, ...]:
     """Return the names of the best moving candidates, without repetition."""
     moving = (candidate.origin.name for candidate in candidates if candidate.kind is not GuessKind.REST)
     return tuple(dict.fromkeys(moving))[:_KEPT_NAMES]
-
-
-def _extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> Candidate:
-    """Extend a candidate from its end at rest to cells that it leaves."""
-    for _ in range(_EXTENSIONS):
-        weight = task.remaining_after(candidate.plan)
-        if not (weight > 0.0).any():
-            break
-        end = candidate.plan
-        rest = replace(
-            task, weight=weight, position=end.position[-1], velocity=end.velocity[-1], start_time=end.end_time
-        )
-        more = _extension(rest, backend, budget)
-        if more is None:
-            break
-        candidate = _joined(task, candidate, more)
-    return candidate
-
-
-def _extension(rest: Task, backend: Backend, budget: Budget) -> Candidate | None:
-    """Return a plan that measures some of the remaining cells, a tour or a formation flight; None if there is none."""
-    more = evaluate_guess(rest, tour_guess(rest.fleet, rest.cell, rest.weight, rest.position))
-    if not more.feasible and not budget.exhausted:
-        more = multistart(rest, backend, more.plan.steps, _EXTENSION_SEARCH, budget)[0]
-    if _makes_progress(rest, more):
-        return more
-    formations = (evaluate_guess(rest, guess) for guess in FormationFlight(budget).guesses(rest))
-    return next((one for one in formations if _makes_progress(rest, one)), None)
-
-
-def _makes_progress(rest: Task, more: Candidate) -> bool:
-    """Return whether a plan is feasible and leaves fewer cells than there were."""
-    left = np.count_nonzero(rest.remaining_after(more.plan))
-    return more.feasible and bool(left < np.count_nonzero(rest.weight))
-
-
-def _joined(task: Task, first: Candidate, second: Candidate) -> Candidate:
-    velocity = np.concatenate([first.plan.velocity, second.plan.velocity[1:]])
-    origin = Origin(first.kind, f"{first.origin.name}, then {second.origin.name}")
-    return evaluate_motion(task, first.plan.position[0], velocity, origin)

@@ -10,6 +10,9 @@ import numpy as np
 
 from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.errors import UserError
+from mpc_cover.planning.candidate import evaluate_motion
+from mpc_cover.planning.extension import extended
+from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
 from mpc_cover.planning.initial_guess.timed_sweeps import repair_sweeps, timed_sweeps
 from mpc_cover.planning.min_time import FAILURES, plan_free_horizon, plan_min_time
 from mpc_cover.planning.multistart import Search, multistart
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from mpc_cover.arrays import FloatArray
+    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.candidate import Candidate
     from mpc_cover.planning.ocp import OCP
@@ -75,6 +79,12 @@ class Planner:
         if any(candidate.complete for candidate in sweeps):
             return sweeps
         return [*sweeps, *repair_sweeps(task, sweeps, self._backend, _REPAIRED if thorough else 1, budget)]
+
+    def extended(self, task: Task, plan: Trajectory, budget: Budget) -> Candidate:
+        """Return the evaluation of a plan, extended from its end at rest to the demand that it leaves."""
+        origin = Origin(GuessKind.REPAIR, "as before")
+        known = evaluate_motion(task, plan.position[0], plan.velocity, origin)
+        return extended(task, known, self._backend, budget)
 
     def fixed(
         self,

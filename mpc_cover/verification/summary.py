@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.verification.connectivity import widest_bottleneck
+from mpc_cover.verification.hovering import hovering_of
 from mpc_cover.verification.information_summary import summarise_information
 from mpc_cover.verification.losses import losses_of, segments, separations
 from mpc_cover.verification.motion import taking_part
@@ -55,6 +56,9 @@ class RunSummary:
     distance_m : travelled, by agent.
     swath_bound_s : T_b, about which no plan can be faster to cover everything.
     ratio_to_bound : time_to_99_s over T_b.
+    hovering_agent_s : seconds, of all agents together, at rest while something was owed that they could have measured
+        before anybody did, beyond what turning takes; None where more than a cell's first look matters.
+    hovering_events : how often.
     information : what is left of looks, variances or ages; left out where one look settles a cell.
     """
 
@@ -86,6 +90,8 @@ class RunSummary:
     step_times: StepTimes | None = None
     information: dict[str, Any] | None = None
     time_apart_s: float = 0.0
+    hovering_agent_s: float | None = None
+    hovering_events: int | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary as plain data for `--json`."""
@@ -105,7 +111,7 @@ def summarise(trajectory: Recording, report: Report, step_times: FloatArray | No
     speed, speed_max = _nearest_bound(trajectory.velocity, fleet.speed_max)
     force, force_max = _nearest_bound(trajectory.input, fleet.input_max)
     reached = {level: time_to_cover(trajectory, level) for level in _LEVELS}
-    bound = swath_bound(mission)
+    bound, hovering = swath_bound(mission), hovering_of(trajectory)
     distance = distance_travelled(path)
     covered = int(np.isfinite(trajectory.covered_at).sum())
     return RunSummary(
@@ -137,6 +143,8 @@ def summarise(trajectory: Recording, report: Report, step_times: FloatArray | No
         step_times=summarise_steps(step_times, time_for_a_step(trajectory)),
         information=summarise_information(trajectory),
         time_apart_s=_time_apart(trajectory) if torn else 0.0,
+        hovering_agent_s=float(hovering.seconds.sum()) if hovering is not None else None,
+        hovering_events=hovering.events if hovering is not None else None,
     )
 
 

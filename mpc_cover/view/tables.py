@@ -92,6 +92,9 @@ def _rows(summary: RunSummary) -> Iterator[tuple[str, Text]]:
     yield "largest input", Text(f"{_up(summary.largest_input_m_per_s2):.3f} of {summary.input_max_m_per_s2:g} m/s^2")
     each = ", ".join(f"{name} {metres:.1f}" for name, metres in summary.distance_m.items())
     yield "distance travelled", Text(f"{summary.distance_total_m:.1f} m ({each})")
+    if summary.hovering_agent_s is not None:
+        hovered = f"{summary.hovering_agent_s:.1f} s of all agents together, {summary.hovering_events} times"
+        yield "hovered while owed", Text(hovered if summary.hovering_events else "never")
     yield "duration", Text(f"{summary.duration_s:.1f} s")
     if (steps := summary.step_times) is not None:
         taken = f"{steps.p50_ms:.1f} / {steps.p99_ms:.1f} / {steps.max_ms:.1f} ms of {steps.period_ms:g} ms"

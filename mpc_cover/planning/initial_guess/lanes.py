@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 _INSET = 0.75
 """Distance by which lanes end before the last cell, in sensing radii; a plain choice."""
+_LONG_LANE, _CORNER_SHARE = 12.0, 0.8
+"""Length of lanes, in sensing radii, that end so near that the corners are measured, and the part of the distance that
+is left of the radius there; plain choices."""
 _SLOW_HALF_WIDTH, _SLOW_INSET = 0.72, 0.5
 """Half the width of lanes and their inset, in sensing radii, where agents pass slowly for many looks: lanes overlap and
 reach into corners, so that cells between lanes get nearly as many looks as those on them. Wider and narrower lanes took
@@ -105,9 +108,21 @@ def _lane(cell: FloatArray, swath: Swath, axis: int, others: Sequence[int]) -> L
     for other in others:
         low[other] = high[other] = 0.5 * (cell[:, other].min() + cell[:, other].max())
     first, last = cell[:, axis].min(), cell[:, axis].max()
-    inset = min(swath.inset * swath.radius, 0.5 * (last - first))
+    inset = min(_inset(cell, swath, others, last - first), 0.5 * (last - first))
     low[axis], high[axis] = first + inset, last - inset
     return Lane(low, high)
+
+
+def _inset(cell: FloatArray, swath: Swath, others: Sequence[int], length: float) -> float:
+    """Return the distance by which a lane ends before its last cells [m].
+
+    Refinements round the ends of short lanes better than those of long ones, which have to come near their corners.
+    """
+    if length <= _LONG_LANE * swath.radius:
+        return swath.inset * swath.radius
+    aside = 0.5 * (cell[:, others].max(axis=0) - cell[:, others].min(axis=0))
+    reach = max(swath.radius**2 - float((aside**2).sum()), 0.0) ** 0.5
+    return float(min(swath.inset * swath.radius, _CORNER_SHARE * reach))
 
 
 def snake(lanes: Sequence[Lane], start: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ _COVERED_SHARE = 0.7
 """Part of the sensing radius within which a cell counts as covered from a visited cell; a plain choice below 1 for
 tracking between samples."""
 _CELLS_MAX = 1500
-"""Cells up to which a tour is made: beyond, both its computation and its flight take too long. Plain choice."""
+"""Owed cells up to which a tour is made: beyond, both its computation and its flight take too long. Plain choice."""
 
 
 class Tour:
@@ -28,7 +28,7 @@ class Tour:
 
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
         """Yield the tour, if there is one."""
-        if task.cell.shape[0] <= _CELLS_MAX:
+        if np.count_nonzero((task.weight > 0.0).any(axis=0)) <= _CELLS_MAX:
             yield tour_guess(task.fleet, task.cell, task.weight, task.position)
 
 
@@ -37,7 +37,8 @@ def tour_guess(fleet: Fleet, cell: FloatArray, demand: FloatArray, position: Flo
 
     It suits few, scattered cells. Arguments as in `boustrophedon.sweep_guesses`.
     """
-    left = demand > 0.0
+    owed = (demand > 0.0).any(axis=0)
+    cell, left = cell[owed], demand[:, owed] > 0.0
     paths = [[position[i]] for i in range(fleet.size)]
     clock = np.zeros(fleet.size)
     while left.any():

@@ -19,10 +19,19 @@ LIMIT_SHARE = 0.97
 """Part of the speed and input limits that initial guesses use, so that the SQP has freedom; a plain choice."""
 _CORRECTION_SHARE = 0.5
 """Part of the position error that `track_samples` corrects per sample; a plain choice."""
-_MAX_STEPS = 2000
-"""Steps after which tracking without a given length ends; a plain choice beyond any mission's needs."""
+_MAX_STEPS, _MAX_PATHS = 2000, 3.0
+"""Steps after which tracking without a given length ends, and those in units of the time for the longest path at full
+speed, whichever are more; plain choices."""
 _ARRIVED_STEPS, _ARRIVED_M = 0.2, 0.05
 """Distance at which a last waypoint counts as reached: part of a step at full speed plus a length [m]; plain choice."""
+_CUT_MAX = 0.75
+"""Distance from a waypoint at which an agent turns, at the most, in sensing radii: what it cuts off is still measured
+nearly everywhere. Plain choice."""
+_LONG_LEG, _AHEAD = 12.0, 3.0
+"""Length of legs, in sensing radii, that are followed along their line, and how far ahead on it agents aim; plain
+choices."""
+_TURN_SHARE = 0.7
+"""Part of the input limit that slows agents down before they turn; a plain choice."""
 _APPROACH_SHARE = 0.9
 """v^2 / (u_max d) of the approach to a last waypoint at distance d: less than half of u_max brakes. Plain choice."""
 _STOP_SHARE = 0.9
@@ -41,27 +50,33 @@ def track_waypoints(
     start_time: float = 0.0,
     steps: int | None = None,
     stop: bool = True,
-    max_steps: int = _MAX_STEPS,
+    max_steps: int | None = None,
 ) -> Trajectory:
     """Return the motion of agents along their (W_i, d) waypoints [m] that comes to rest at the last ones.
 
     With `steps` the motion has that many and is at rest at the end, arrived or not (unless `stop` is false);
-    without, it is as long as the last arrival needs, but at most `max_steps`. An agent turns to the next waypoint at
-    its stopping distance. The initial state is (m, d) `position` [m] and `velocity` [m/s]; inputs stay within their
-    limits unless the initial velocity makes that impossible.
+    without, it is as long as the last arrival needs, but at most `max_steps` (None: more than any path takes). An
+    agent turns to the next waypoint at its stopping distance; where that would cut too much off, it slows down first.
+    The initial state is (m, d) `position` [m] and `velocity` [m/s]; inputs stay within their limits unless the initial
+    velocity makes that impossible.
     """
     count = fleet.size
     speed, force = LIMIT_SHARE * fleet.speed_max, LIMIT_SHARE * fleet.input_max
-    capture = 0.5 * speed**2 / force
+    radius = _smallest_radius(fleet)
+    stopping = 0.5 * speed**2 / force
+    capture = np.minimum(stopping, _CUT_MAX * radius)
     ends = np.array([len(path) - 1 for path in paths], dtype=np.intp)
     target_of = np.full((count, int(ends.max()) + 1, position.shape[1]), np.nan)
     for i, path in enumerate(paths):
         target_of[i, : len(path)] = path
+    leg_start = np.concatenate([position[:, None], target_of[:, :-1]], axis=1)
+    turning = _turning_speeds(target_of, position, capture, force)
+    turning[stopping <= capture] = np.inf  # who cuts off no more than that need not slow down
     index = np.zeros(count, dtype=np.intp)
     every = np.arange(count)
     q, v = position.astype(float), velocity.astype(float)
     qs, vs = [q], [v]
-    total = steps or max_steps
+    total = steps or max_steps or _most_steps(paths, position, speed, period)
     for n in range(total):
         for _ in range(int(ends.max()) + 1):
             near = np.linalg.norm(target_of[every, index] - q, axis=1) < capture
@@ -71,9 +86,12 @@ def track_waypoints(
             index = np.where(ahead, index + 1, index)
         error = target_of[every, index] - q
         distance = np.linalg.norm(error, axis=1)
+        aim = _on_leg(q, leg_start[every, index], target_of[every, index], radius)
         if steps is None and n > 0 and _arrived(index, ends, distance, v, fleet, period):
             break
-        u = _control(error, distance, v, index == ends, speed, force, period)
+        ahead_m = np.maximum(distance - capture, 0.0)
+        limit = np.minimum(speed, np.sqrt(turning[every, index] ** 2 + 2.0 * _TURN_SHARE * force * ahead_m))
+        u = _control(aim - q, distance, v, index == ends, limit, force, period)
         u = _stay_inside(q, v, u, fleet, force, period)
         if steps is not None and stop:
             u = _in_time(v, u, force, period, total - n)
@@ -81,6 +99,48 @@ def track_waypoints(
         qs.append(q)
         vs.append(v)
     return _trajectory(qs, vs, None if steps is not None else force, start_time, period)
+
+
+def _smallest_radius(fleet: Fleet) -> FloatArray:
+    """Return (m,) [m]: the smallest sensing radius of each agent; inf where it measures nothing."""
+    return np.asarray(np.where(np.isfinite(fleet.radius), fleet.radius, np.inf).min(axis=1))
+
+
+def _on_leg(q: FloatArray, start: FloatArray, goal: FloatArray, radius: FloatArray) -> FloatArray:
+    """Return the points (m, d) [m] to fly towards: on long legs ones on the leg a little ahead, else their ends.
+
+    Who flew straight to the end of a long leg would come back to it only there, and leave cells along it.
+    """
+    leg = goal - start
+    length = np.linalg.norm(leg, axis=1)
+    along = ((q - start) * leg).sum(axis=1) / np.maximum(length, DIVISOR_MIN)
+    ahead = np.clip(along, 0.0, length) + _AHEAD * radius
+    short = ~((length > _LONG_LEG * radius) & (ahead < length))
+    part = np.where(short, 1.0, ahead / np.maximum(length, DIVISOR_MIN))
+    return np.asarray(np.where(short[:, None], goal, start + part[:, None] * leg))
+
+
+def _turning_speeds(target: FloatArray, position: FloatArray, capture: FloatArray, force: FloatArray) -> FloatArray:
+    """Return the speeds (m, W) [m/s] at which agents turn at their waypoints (m, W, d) [m]; inf where they do not.
+
+    Under a constant input f an agent rounds a corner by the angle theta within c of it at v^2 = f c / sin(theta / 2).
+    """
+    legs = np.diff(np.concatenate([position[:, None], target], axis=1), axis=1)  # (m, W, d), NaN beyond the end
+    length = np.maximum(np.linalg.norm(legs, axis=2), DIVISOR_MIN)
+    cosine = (legs[:, :-1] * legs[:, 1:]).sum(axis=2) / (length[:, :-1] * length[:, 1:])
+    sine = np.sqrt(np.clip(0.5 * (1.0 - cosine), 0.0, 1.0))  # of half the angle
+    speed = np.full(target.shape[:2], np.inf)
+    speed[:, :-1] = np.where(
+        np.isnan(sine), np.inf, np.sqrt((force * capture)[:, None] / np.maximum(sine, DIVISOR_MIN))
+    )
+    return speed
+
+
+def _most_steps(paths: Sequence[FloatArray], position: FloatArray, speed: FloatArray, period: float) -> int:
+    """Return a number of steps in which agents come to the ends of their paths, however long."""
+    whole = (np.concatenate([here[None], path]) for here, path in zip(position, paths, strict=True))
+    length = np.array([np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in whole])
+    return max(_MAX_STEPS, int(np.ceil(_MAX_PATHS * float((length / speed).max()) / period)))
 
 
 def track_samples(
@@ -112,7 +172,7 @@ def _arrived(index: IntArray, ends: IntArray, distance: FloatArray, v: FloatArra
 
 
 def _control(
-    error: FloatArray,
+    ahead: FloatArray,
     distance: FloatArray,
     v: FloatArray,
     last: BoolArray,
@@ -127,7 +187,7 @@ def _control(
     """
     landing = np.minimum(speed, distance / period)
     wanted = np.where(last, np.minimum(landing, np.sqrt(_APPROACH_SHARE * force * distance)), landing)
-    aim = error / np.maximum(distance, NO_DIRECTION)[:, None] * wanted[:, None]
+    aim = ahead / np.maximum(np.linalg.norm(ahead, axis=1), NO_DIRECTION)[:, None] * wanted[:, None]
     return _clipped((aim - v) / period, force)
 
 

@@ -113,19 +113,23 @@ class ControlStep:
             self._emit("step-failed", f"a step failed: {error!r}; the previous plan goes on")
             return
         computing_s = time.perf_counter() - law_begun
-        if late := self._late(tick):
+        counted_s = (
+            clock.grid(tick) + budget_s - self._speed * budget.left_s
+        )  # what no clock shows where work is counted
+        if late := self._late(tick, max(self._clock.now(), counted_s)):
             self._emit("late", "a step took too long: its plan is not sent, the previous one goes on")
         else:
             self.sent = self._publish(proposal, state, supervisor)
         took_s = time.perf_counter() - begun
         self._log(StepKind.STEP, state, proposal, computing_s, took_s, missed=late or budget.left_s < 0.0)
 
-    def _late(self, tick: int) -> bool:
+    def _late(self, tick: int, done_s: float) -> bool:
         """Return whether agents, which read their messages once a state period, may find a plan after its start.
 
-        They would reject it, not being in its start state by then, and all plans that assume that they fly it.
+        The plan is made at `done_s` of the controller's clock. Agents would reject it, not being in its start state by
+        then, and all plans that assume that they fly it.
         """
-        found_s = self._clock.now() + self._control.state_period_s
+        found_s = done_s + self._control.state_period_s
         return found_s > self._mission_clock.grid(tick + 1) + SNAP_S
 
     def _publish(self, proposal: Proposal, state: FleetState, supervisor: FleetSupervisor) -> bool:
