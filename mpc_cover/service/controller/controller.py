@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mpc_cover.information.build import make_map
+from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.planning.budget import Budget
 from mpc_cover.service.controller.commands import CommandServer, Decision
 from mpc_cover.service.controller.control_step import ControlStep
@@ -148,8 +149,9 @@ class Controller:
 
     @property
     def next_time(self) -> float:
-        """When the next tick is due [s]."""
-        return self._mission_clock.due_s
+        """When the next tick is due [s]: in flight at once when everyone is told to brake."""
+        due_s = self._mission_clock.due_s
+        return min(due_s, self._clock.now()) if self._phases.on_grid and self._commands.waiting else due_s
 
     @property
     def exit_status(self) -> int:
@@ -167,8 +169,16 @@ class Controller:
         self._publish_status()
 
     def tick(self) -> None:
-        """Receive reports and commands, act according to the phase, and publish the status."""
-        stalled = self._clock.now() - self._mission_clock.due_s >= STALLED_PERIODS * self._control.period_s
+        """Receive reports and commands, act according to the phase, and publish the status.
+
+        When it is told to brake between two ticks of a flight, it only executes that.
+        """
+        now_s = self._clock.now()
+        if self._phases.on_grid and self._commands.waiting and now_s < self._mission_clock.due_s - SNAP_S:
+            self._execute_commands()
+            self._publish_status()
+            return
+        stalled = now_s - self._mission_clock.due_s >= STALLED_PERIODS * self._control.period_s
         self._receive()
         self._execute_commands()
         self._phases.act(stalled=stalled)
@@ -196,9 +206,11 @@ class Controller:
         for command in self._commands.receive():
             match command.name:
                 case CommandName.ABORT:
-                    self._phases.enter(Phase.FAILED, "aborted: everyone finishes its plan")
-                case CommandName.PAUSE if self.phase is Phase.FLYING:
-                    self._phases.regroup("paused")
+                    self._phases.stop(Phase.FAILED, "aborted")
+                case CommandName.PAUSE if self._mission_clock.running:
+                    self._phases.stop(Phase.WAITING if self.phase is Phase.FLYING else self.phase, "paused")
+                case CommandName.FINISH:
+                    self._phases.finish()
                 case CommandName.RETASK:
                     self._commands.decide(command, self._retask(command.mission))
 
@@ -234,7 +246,7 @@ class Controller:
             self.heartbeat.events.emit("checkpoint", problem)
 
     def _schedule(self) -> None:
-        if self.phase is Phase.FLYING:
+        if self._phases.on_grid:
             self.step_log.skipped += self._mission_clock.next_tick()
         else:
             self._mission_clock.next_wait(0.0 if self.phase is Phase.PLANNING else self._control.period_s)

@@ -127,6 +127,10 @@ class RequestInbox:
         """Add a request."""
         self._items.append(request)
 
+    def keys(self) -> list[str]:
+        """Return the keys of those that wait, oldest first."""
+        return [request.key for request in self._items.copy()]
+
     def drain(self) -> list[Request]:
         """Return the requests since last time, oldest first."""
         items = []

@@ -64,7 +64,7 @@ class Keys:
         return f"{self.root}/ctl/alive"
 
     def command(self, name: str = ANY) -> str:
-        """Return the key of a command: pause, resume, abort, retask."""
+        """Return the key of a command: pause, resume, abort, finish, retask."""
         return f"{self.root}/ctl/cmd/{name}"
 
 

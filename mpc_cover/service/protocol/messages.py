@@ -37,8 +37,12 @@ class CommandName(StrEnum):
     """The commands to the controller."""
 
     PAUSE = "pause"
+    """Brake now, and wait at rest for `resume`."""
     RESUME = "resume"
     ABORT = "abort"
+    """Brake now, and end."""
+    FINISH = "finish"
+    """Fly the present plan to its end, and end."""
     RETASK = "retask"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from threading import Event
 from typing import TYPE_CHECKING, Protocol, Self
@@ -80,11 +81,22 @@ class Signals:
         self.stop.set()
 
 
-def run(participant: Participant, clock: Clock, stop: Event, after_tick: Callable[[], None] | None = None) -> None:
-    """Run until it is done or `stop` is set; `shutdown` is called whatever happens."""
+def run(
+    participant: Participant,
+    clock: Clock,
+    stop: Event,
+    after_tick: Callable[[], None] | None = None,
+    look_s: float = math.inf,
+) -> None:
+    """Run until it is done or `stop` is set; `shutdown` is called whatever happens.
+
+    When the next tick is due is looked up every `look_s` of the clock [s]: a command may make it due at once.
+    """
     try:
         participant.startup()
-        while not participant.done and clock.wait_until(participant.next_time, stop):
+        while not participant.done and clock.wait_until(min(participant.next_time, clock.now() + look_s), stop):
+            if participant.next_time > clock.now():
+                continue
             participant.tick()
             if after_tick:
                 after_tick()

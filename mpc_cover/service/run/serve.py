@@ -79,7 +79,8 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
         try:
             say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
             controller = _controller(mission, options, folder, transport, clock)
-            run(controller, clock, signals.stop, _StatusLines(controller).after_tick)
+            look_s = mission.spec.control.state_period_s
+            run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s)
         finally:
             transport.close()
         unfinished = not controller.done and not (options.stay and controller.exit_status == 0)
