@@ -93,7 +93,8 @@ class Controller:
         self.mission, self.law = mission, law
         self.step_log = step_log or StepLog()
         self.heartbeat = Heartbeat(mission, transport, clock, identity, epoch=epoch, period_s=0.5 * speed, say=say)
-        self._clock, self._transport, self._epoch = clock, transport, epoch
+        self._clock, self._transport, self._epoch, self._identity = clock, transport, epoch, identity
+        self._told_others: dict[str, str] = {}
         self._control = mission.spec.control
         self._checkpoints: CheckpointStore = checkpoints or NoCheckpoints()
         self._commands = CommandServer(mission, transport)
@@ -165,7 +166,9 @@ class Controller:
 
     def startup(self) -> None:
         """Announce presence."""
-        self._transport.announce(Keys(self.mission.spec.name).controller_alive)
+        keys = Keys(self.mission.spec.name)
+        self._transport.announce(keys.controller_alive)
+        self._transport.announce(keys.controller_instance(self._identity))
         self._publish_status()
 
     def tick(self) -> None:
@@ -201,6 +204,12 @@ class Controller:
         if (newest := self.fleet_monitor.newest_epoch()) > self._epoch and self.phase is not Phase.FAILED:
             own = f"this one, of epoch {self._epoch}"
             self._phases.enter(Phase.FAILED, f"a controller of epoch {newest} has taken over from {own}")
+
+        for name, other in self.fleet_monitor.others.items():
+            if self._told_others.get(name) != other:
+                self._told_others[name] = other
+                text = f"instance {other[:8]} says that it is {name}, too: it is not listened to while {name} is here"
+                self.heartbeat.events.emit(f"twice-{name}"[:64], text)
 
     def _execute_commands(self) -> None:
         for command in self._commands.receive():

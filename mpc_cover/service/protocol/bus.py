@@ -171,6 +171,10 @@ class Transport(Protocol):
         """Return the live set of matching liveliness tokens."""
         ...
 
+    def alive(self, pattern: str, timeout_s: float) -> list[str]:
+        """Return the keys of the matching liveliness tokens at present, asking for them at most so long."""
+        ...
+
     def requests(self, pattern: str, depth: int) -> RequestInbox:
         """Return the requests made on matching keys."""
         ...

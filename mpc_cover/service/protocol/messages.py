@@ -131,6 +131,8 @@ class Status(Message, frozen=True, kw_only=True):
     present: list[Id] = []
     lost: list[Id] = []
     text: Text = ""
+    instances: dict[str, str] = {}
+    """Which process of each agent the controller listens to, by agent id."""
 
 
 class MapMessage(Message, frozen=True, kw_only=True):
