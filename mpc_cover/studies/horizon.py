@@ -6,6 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from mpc_cover.exit_status import exit_status
 from mpc_cover.studies.grid import runs_of
 from mpc_cover.studies.measure import fly
 from mpc_cover.studies.progress import StudyProgress
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
     from mpc_cover.studies.measure import Fly
     from mpc_cover.studies.runs import Run
     from mpc_cover.studies.tally import Group
-
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells have it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +51,8 @@ class StudyResult:
     @property
     def exit_status(self) -> int:
         """0 when every run was flown, whatever its result."""
-        return INTERRUPTED if self.interrupted else int(self.finished < self.wanted or self.broken > 0)
+        holds = self.finished >= self.wanted and self.broken == 0
+        return exit_status(holds=holds, interrupted=self.interrupted)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data for `--json`."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mpc_cover.exit_status import exit_status
 from mpc_cover.information.build import make_map
 from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.planning.budget import Budget
@@ -157,7 +158,7 @@ class Controller:
     @property
     def exit_status(self) -> int:
         """0 when the mission is complete, else 1."""
-        return 0 if self.phase is Phase.COMPLETE else 1
+        return exit_status(covered=self.phase is Phase.COMPLETE)
 
     @property
     def mission_time_s(self) -> float:

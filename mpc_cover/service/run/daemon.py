@@ -7,16 +7,16 @@ import signal
 from threading import Event
 from typing import TYPE_CHECKING, Protocol, Self
 
+from mpc_cover.exit_status import exit_status
+
 if TYPE_CHECKING:
     from collections.abc import Callable
     from types import FrameType, TracebackType
 
     from mpc_cover.clock import Clock
 
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, by the convention of shells: 128 + SIGINT."""
 TERMINATED = 143
-"""Exit status after SIGTERM: 128 + SIGTERM."""
+"""Exit status of another process's child after SIGTERM: 128 + SIGTERM, as if it had not been handled."""
 
 
 class Participant(Protocol):
@@ -48,12 +48,14 @@ class Participant(Protocol):
 class Signals:
     """Turns SIGINT and SIGTERM into `stop`, which clocks wait on; `received` is the first of them, or 0.
 
-    Handlers only set an event: nothing is interrupted in the middle of a tick, unless Ctrl-C comes twice.
+    Handlers only set an event: nothing is interrupted in the middle of a tick, unless Ctrl-C comes twice. A `child` is
+    one of a demo's processes, which must tell an end by SIGTERM from one of its own.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, child: bool = False) -> None:
         self.stop = Event()
         self.received = 0
+        self._child = child
         self._before: dict[int, object] = {}
 
     def __enter__(self) -> Self:
@@ -71,8 +73,10 @@ class Signals:
 
     @property
     def exit_status(self) -> int:
-        """128 plus the signal's number; 0 when there was none."""
-        return 128 + self.received if self.received else 0
+        """That of a daemon: 130 after Ctrl-C; 0 after SIGTERM, which is a clean end, and when there was no signal."""
+        if self.received == signal.SIGTERM and self._child:
+            return TERMINATED
+        return exit_status(interrupted=self.received == signal.SIGINT)
 
     def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - the signal module's signature
         if self.received and number == signal.SIGINT:

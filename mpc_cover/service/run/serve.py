@@ -73,7 +73,7 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
     from mpc_cover.service.controller.state_directory import StateDirectory  # noqa: PLC0415 - only here
 
     path = options.state_dir or Path(".mpc-cover") / mission.spec.name
-    with Signals() as signals, StateDirectory(path) as folder:
+    with Signals(child=options.with_parent) as signals, StateDirectory(path) as folder:
         follow_parent(options.with_parent, signals.stop)
         clock = MonotonicClock(options.speed)
         try:
@@ -160,7 +160,7 @@ def run_agent_process(
     from mpc_cover.service.agent.recorder import FileRecorder, Header  # noqa: PLC0415 - the controller needs none
 
     instance = uuid.uuid4().hex
-    with Signals() as signals:
+    with Signals(child=options.with_parent) as signals:
         follow_parent(options.with_parent, signals.stop)
         clock = MonotonicClock(options.speed)
         header = Header(agent_id, instance, mission.spec.name, options.speed)
