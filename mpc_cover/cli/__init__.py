@@ -9,9 +9,10 @@ from typing import Annotated
 import typer
 
 from mpc_cover.cli import agent, bench, check, demo, plan, plot, retask, serve, simulate, size, study
+from mpc_cover.cli.streams import guarded_streams, lost_output
 from mpc_cover.errors import UserError
+from mpc_cover.exit_status import ExitStatus
 
-USER_ERROR = 2
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """Our matrices are small: more threads only get in each other's way (set before numpy is imported)."""
 
@@ -57,9 +58,24 @@ app.add_typer(study.app)
 
 
 def main() -> None:
-    """Run the command line; the entry point of `mpc-cover`."""
+    """Run the command line, and exit; output that cannot be written ends no command."""
+    with guarded_streams() as out:
+        status = _run()
+        if (lost := lost_output(out)) is not None:
+            sys.stderr.write(f"mpc-cover: {lost}\n")
+            status = status or ExitStatus.UNFULFILLED
+    sys.exit(status)
+
+
+def _run() -> int:
+    """Run the command line; return the exit status."""
     try:
         app(prog_name="mpc-cover")
+    except SystemExit as ended:
+        return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except UserError as error:
         sys.stderr.write(f"mpc-cover: {error}\n")
-        sys.exit(USER_ERROR)
+        return ExitStatus.MISTAKE
+    except KeyboardInterrupt:
+        return ExitStatus.INTERRUPTED
+    return ExitStatus.WELL

@@ -8,13 +8,17 @@ from typing import Annotated
 import typer
 
 from mpc_cover.cli.options import Json, console_for, print_json
+from mpc_cover.exit_status import exit_status
 
 
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A trajectory file, or a run folder.")],
     as_json: Json = False,
 ) -> None:
-    """Verify a trajectory independently: what holds, and by what margin; exit status 0 if all does, else 1."""
+    """Verify a trajectory independently: what holds, and by what margin.
+
+    Exit status 0 if all does and everything is covered, else 1.
+    """
     from mpc_cover.service.run.run_folder import find_trajectory  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.trajectory_file import load_trajectory  # noqa: PLC0415
     from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
@@ -27,4 +31,4 @@ def check(
     print_report(report, console_for(as_json=as_json), summary.information)
     if as_json:
         print_json({**report.to_dict(), "summary": summary.to_dict()})
-    raise typer.Exit(0 if report.holds else 1)
+    raise typer.Exit(exit_status(holds=report.holds, covered=summary.covered_cells == summary.cells))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +11,7 @@ import typer
 
 from mpc_cover.cli.options import Backend, Json, Seed, check_backend, check_seconds, console_for, finish, print_json
 from mpc_cover.errors import UserError
+from mpc_cover.exit_status import exit_status
 
 
 class Cones(StrEnum):
@@ -48,7 +50,10 @@ def plan(
     backend: Backend = "piqp",
     as_json: Json = False,
 ) -> None:
-    """Solve the optimal coverage NLP offline, over the mission's planning.duration_s."""
+    """Solve the optimal coverage NLP offline, over the mission's planning.duration_s.
+
+    Ctrl-C ends the search: the best plan found until then is written, and the exit status is 130.
+    """
     from mpc_cover.planning.offline import PlanOptions  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.studies.plans import plan_files  # noqa: PLC0415
 
@@ -59,12 +64,19 @@ def plan(
         raise UserError(f"MISSION {mission} and --all {everything} are both given: plan one mission, or a folder")
     if cones not in set(Cones):
         raise UserError(f"--cones {cones}: must be polygons or exact")
-    options = PlanOptions(backend, seed, starts, time_limit, min_time, cones == Cones.EXACT)
+    options = PlanOptions(backend, seed, starts, time_limit, min_time, cones == Cones.EXACT, keep_on_interrupt=True)
     console, several = console_for(as_json=as_json), everything is not None
-    results = plan_files(everything or mission or "box-3", out, options, console, folder=several, profile=profile)
+    try:
+        results = plan_files(everything or mission or "box-3", out, options, console, folder=several, profile=profile)
+    except KeyboardInterrupt:
+        sys.stderr.write("mpc-cover: interrupted before any plan was found: nothing is written\n")
+        raise typer.Exit(exit_status(interrupted=True)) from None
     for summary, extra in results:
         where = Path(extra["file"]) if extra["file"] is not None else None
         finish(console, summary, extra, as_json=as_json and not several, where=where)
     if as_json and several:
         print_json({"plans": [{**summary.to_dict(), **extra} for summary, extra in results]})
-    raise typer.Exit(0 if all(summary.holds for summary, _ in results) else 1)
+    holds = all(summary.holds for summary, _ in results)
+    covered = all(summary.covered_cells == summary.cells for summary, _ in results)
+    interrupted = any(extra["interrupted"] for _, extra in results)
+    raise typer.Exit(exit_status(holds=holds, covered=covered, interrupted=interrupted))

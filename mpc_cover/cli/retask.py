@@ -9,11 +9,10 @@ import typer
 
 from mpc_cover.cli.network_options import Config, Connect, Timeout, network_options
 from mpc_cover.cli.options import Json, MissionArgument, load, print_json
+from mpc_cover.exit_status import exit_status
 
 if TYPE_CHECKING:
     from mpc_cover.service.protocol.messages import CommandReply
-
-REFUSED = 1
 
 
 def retask(
@@ -40,9 +39,9 @@ def retask(
         reply = run_retask(loaded, network)
     except (UnreachableError, RequestError) as error:
         sys.stderr.write(f"mpc-cover: {error}\n")
-        raise typer.Exit(REFUSED) from None
+        raise typer.Exit(exit_status(holds=False)) from None
     _print(reply, loaded.spec.name, as_json=as_json)
-    raise typer.Exit(0 if reply.accepted else REFUSED)
+    raise typer.Exit(exit_status(holds=reply.accepted))
 
 
 def _print(reply: CommandReply, name: str, *, as_json: bool) -> None:

@@ -21,6 +21,7 @@ from mpc_cover.cli.options import (
     load,
 )
 from mpc_cover.control.controller_name import ControllerName
+from mpc_cover.exit_status import exit_status
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.run.run_folder import RunFolder
+    from mpc_cover.service.run.simulate import Simulation
+    from mpc_cover.service.run.swarm_simulate import SwarmFlight
     from mpc_cover.verification.summary import RunSummary
 
 
@@ -41,7 +44,10 @@ def simulate(
     controller: ControllerOption = ControllerName.MPC.value,
     as_json: Json = False,
 ) -> None:
-    """Fly the same closed loop in one process on a virtual clock: no network, the same result every time."""
+    """Fly the same closed loop in one process on a virtual clock: no network, the same result every time.
+
+    Ctrl-C ends the flight: what was flown until then is written, and the exit status is 130.
+    """
     from mpc_cover.service.run.fault_injection import parse_kills  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.service.run.run_folder import RunFolder, default_folder  # noqa: PLC0415
     from mpc_cover.trajectory_file import RecordingKind  # noqa: PLC0415
@@ -70,12 +76,19 @@ def _fly_centralised(
     from mpc_cover.service.run.simulate import simulate as run_simulation  # noqa: PLC0415
 
     with Progress(console) as progress:
-        result = run_simulation(mission, backend=backend, seed=seed, deaths=deaths, on_tick=progress.show)
+        result = run_simulation(
+            mission, backend=backend, seed=seed, deaths=deaths, on_tick=progress.show, keep_on_interrupt=True
+        )
     times = step_times_of([step.tick_time_s for step in result.steps if step.kind is StepKind.STEP])
     console.print(result.outcome, highlight=False, markup=False, soft_wrap=True)
     ended = {"complete": result.complete, "outcome": result.outcome, "lost": list(result.lost)}
     summary = folder.write(result.trajectory, times, ended)
-    return summary, {"folder": str(folder.path), **ended}, 0 if result.complete and summary.holds else 1
+    return summary, {"folder": str(folder.path), **ended}, _status(summary, result)
+
+
+def _status(summary: RunSummary, flight: Simulation | SwarmFlight) -> int:
+    """Return the exit status of a flight."""
+    return exit_status(holds=summary.holds, covered=flight.complete, interrupted=flight.interrupted)
 
 
 def _fly_distributed(
@@ -88,7 +101,7 @@ def _fly_distributed(
     from mpc_cover.service.run.swarm_simulate import fly_swarm  # noqa: PLC0415
 
     with Progress(console) as progress:
-        flight = fly_swarm(mission, seed=seed, deaths=deaths, on_tick=progress.show)
+        flight = fly_swarm(mission, seed=seed, deaths=deaths, on_tick=progress.show, keep_on_interrupt=True)
     console.print(flight.outcome, highlight=False, markup=False, soft_wrap=True)
     times = np.array([time_s for each in flight.decision_times_s.values() for time_s in each])
     extra: dict[str, Any] = {
@@ -103,4 +116,4 @@ def _fly_distributed(
         extra["estimate_rms_errors"] = flight.estimate_errors
     summary = folder.write(flight.trajectory, times, extra)
     extra["folder"] = str(folder.path)
-    return summary, extra, 0 if flight.complete and summary.holds else 1
+    return summary, extra, _status(summary, flight)

@@ -11,6 +11,7 @@ import typer
 
 from mpc_cover.cli.options import Backend, Jobs, Json, Missions, check_backend, console_for, cores, print_json
 from mpc_cover.errors import UserError
+from mpc_cover.exit_status import exit_status
 
 app = typer.Typer(
     name="study",
@@ -81,7 +82,8 @@ def laws(
         from msgspec.structs import asdict  # noqa: PLC0415
 
         print_json({"runs": [asdict(run) for run in runs]})
-    raise typer.Exit(0 if all(run.complete and run.violations == 0 for run in runs) else 1)
+    holds, covered = all(run.violations == 0 for run in runs), all(run.complete for run in runs)
+    raise typer.Exit(exit_status(holds=holds, covered=covered))
 
 
 @app.command()

@@ -33,12 +33,11 @@ def best_proposal(
 def stop_proposal(
     constraints: PlanningConstraints, state: FleetState, incumbent: Trajectory | None, reason: str
 ) -> Proposal:
-    """Return a proposal that comes to rest: at once if that is safe, else along the incumbent plan."""
-    stop = constraints.brake(state)
-    if constraints.keeps(stop, state) or incumbent is None:
-        return Proposal(stop, PlanSource.REST, reason)
-    shifted = _shifted(constraints, state, incumbent)
-    return Proposal(shifted, PlanSource.SHIFTED, reason) if shifted else _brake(constraints, state, reason)
+    """Return a proposal that comes to rest: at once if that is safe, else as soon as it is along the incumbent plan."""
+    for number, motion in enumerate(constraints.stopping_motions(state, incumbent)):
+        if constraints.keeps(motion, state) or incumbent is None:
+            return Proposal(motion, PlanSource.SHIFTED if number else PlanSource.REST, reason)
+    return _brake(constraints, state, reason)
 
 
 def _shifted(constraints: PlanningConstraints, state: FleetState, incumbent: Trajectory | None) -> Trajectory | None:

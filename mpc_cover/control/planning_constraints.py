@@ -11,6 +11,7 @@ from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.control.constraint_relaxation import attainable_bounds, strict_bounds
 from mpc_cover.control.obstacle_trajectories import path_among
 from mpc_cover.control.reachability import reachable
+from mpc_cover.control.stopping import stopping_motions
 from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.constraint_tightening import slowed, tightened, without_lost
 from mpc_cover.model.fleet_constraints import FleetConstraints
@@ -19,6 +20,8 @@ from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.verification.path import Path
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
@@ -96,6 +99,11 @@ class PlanningConstraints:
         return braking_trajectory(
             state.position, state.velocity, self.fleet, state.time, control.period_s, control.horizon_steps
         )
+
+    def stopping_motions(self, state: FleetState, incumbent: Trajectory | None) -> Iterator[Trajectory]:
+        """Yield motions to rest, the earliest first: braking at once, then along the plan in force."""
+        control = self._given.spec.control
+        return stopping_motions(state, incumbent, self.fleet, control.period_s, control.horizon_steps)
 
     def keeps(self, plan: Trajectory, state: FleetState) -> bool:
         """Return whether the verifier accepts a plan from a state."""

@@ -134,7 +134,10 @@ class RecedingHorizon:
             law = replace(law, plan=rest)
             law, situation, reason = self._plan(law, mode, situation, state, coverage, budget)
             mode = next_mode(mode, situation)
-            proposal = best_proposal(self._constraints, state, law.plan, self._incumbent, reason)
+            if mode is Mode.REPLAN_AT_REST and not state.settled:  # a poor plan is not flown for a whole horizon first
+                proposal = stop_proposal(self._constraints, state, self._incumbent, reason)
+            else:
+                proposal = best_proposal(self._constraints, state, law.plan, self._incumbent, reason)
         if proposal.source is PlanSource.BRAKE:
             mode = next_mode(mode, replace(situation, safe=False))
         history = law.history.after(mode) if state.settled else law.history

@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpc_cover.control.constraint_relaxation import attainable_bounds
+from mpc_cover.control.constraint_relaxation import attainable_bounds, strict_bounds
 from mpc_cover.control.obstacle_trajectories import path_among
+from mpc_cover.control.stopping import stopping_motions
 from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.constraint_tightening import tightened, without_lost
 from mpc_cover.model.trajectory import SNAP_S
 
 if TYPE_CHECKING:
+    from mpc_cover.control.constraint_relaxation import MotionBounds
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
@@ -51,16 +53,29 @@ class SafetyFilter:
         """
         if (problem := self._malformed(trajectory, state)) is not None:
             return Verdict(admitted=False, reason=problem)
-        fleet = without_lost(self._fleet, state.lost)
-        control = self._control
+        failure = self._bounds(state, incumbent).failure(path_among(trajectory, state), state.actual)
+        return Verdict(admitted=failure is None, reason=failure or "")
+
+    def earliest_stop(self, state: FleetState, incumbent: Trajectory | None, *, on_sample: bool) -> Trajectory | None:
+        """Return the earliest motion to rest that it admits; None where it admits none.
+
+        Where the state is not `on_sample` of the plan in force, only braking at once, within the mission's own bounds.
+        """
+        control, fleet = self._control, without_lost(self._fleet, state.lost)
+        motions = stopping_motions(
+            state, incumbent if on_sample else None, fleet, control.period_s, control.horizon_steps
+        )
+        bounds = self._bounds(state, incumbent) if on_sample else strict_bounds(fleet)
+        return next((motion for motion in motions if bounds.keeps(path_among(motion, state), state.actual)), None)
+
+    def _bounds(self, state: FleetState, incumbent: Trajectory | None) -> MotionBounds:
+        """Return the bounds that hold from a state on: the mission's, or those that a known motion attains."""
+        control, fleet = self._control, without_lost(self._fleet, state.lost)
         known = [] if incumbent is None else [incumbent.remainder(state.time, state.position, state.velocity)]
         stop = braking_trajectory(
             state.position, state.velocity, fleet, state.time, control.period_s, control.horizon_steps
         )
-        fallbacks = [path_among(motion, state) for motion in (*known, stop)]
-        bounds = attainable_bounds(fleet, fallbacks, state.actual)
-        failure = bounds.failure(path_among(trajectory, state), state.actual)
-        return Verdict(admitted=failure is None, reason=failure or "")
+        return attainable_bounds(fleet, [path_among(motion, state) for motion in (*known, stop)], state.actual)
 
     def _malformed(self, trajectory: Trajectory, state: FleetState) -> str | None:
         """Return why a trajectory is none of this fleet from this state on, or None."""

@@ -44,6 +44,7 @@ class PlanOptions:
         of bounded effort, which is deterministic.
     min_time : whether to search for the shortest plan that covers the whole demand, instead of a fixed duration.
     exact_cones : second-order cones for speeds, inputs and edges instead of polytopes inside them.
+    keep_on_interrupt : whether a KeyboardInterrupt ends the search alone, and the best plan so far is returned.
     """
 
     backend: str = "piqp"
@@ -52,6 +53,7 @@ class PlanOptions:
     time_limit_s: float | None = None
     min_time: bool = False
     exact_cones: bool = False
+    keep_on_interrupt: bool = False
 
     def __post_init__(self) -> None:
         """Raise `UserError` for cones that the back-end lacks."""
@@ -60,12 +62,15 @@ class PlanOptions:
 
 
 def plan_mission(
-    mission: Mission, options: PlanOptions | None = None, on_progress: Callable[[str], None] | None = None
+    mission: Mission,
+    options: PlanOptions | None = None,
+    on_progress: Callable[[str], None] | None = None,
 ) -> Recording:
     """Return the best plan found, with the boundary conditions of the mission's `planning` section.
 
     Deterministic without a time limit. `on_progress` is called with lines of text on the search. The meta of the
-    recording holds cost, guess and residuals.
+    recording holds cost, guess and residuals. A plan that is returned after a
+    KeyboardInterrupt has `interrupted` in its meta.
 
     Raises
     ------
@@ -79,15 +84,20 @@ def plan_mission(
     limit_s = options.time_limit_s
     budget = Budget.unlimited() if limit_s is None else Budget.wall_clock(limit_s)
     search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
-    notify = _notifier(task.period, frame, on_progress)
-    if options.min_time:
-        found = planner.shortest(task, search, budget, notify, failures=FAILURES if limit_s is None else None)
-    else:
-        rounds = SEARCH.rounds if limit_s is None else None
-        found = planner.fixed(task, steps, replace(search, rounds=rounds), budget, notify)
+    best, interrupted = _Best(task.period, frame, on_progress), False
+    try:
+        if options.min_time:
+            found = planner.shortest(task, search, budget, best.note, failures=FAILURES if limit_s is None else None)
+        else:
+            rounds = SEARCH.rounds if limit_s is None else None
+            found = planner.fixed(task, steps, replace(search, rounds=rounds), budget, best.note)
+    except KeyboardInterrupt:
+        if not options.keep_on_interrupt or best.found is None:
+            raise
+        found, interrupted = best.found, True
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
-    return _recording(mission, options, frame, found)
+    return _recording(mission, options, frame, found, interrupted=interrupted)
 
 
 def offline_task(mission: Mission, frame: LocalFrame | None = None) -> Task:
@@ -115,20 +125,29 @@ def offline_task(mission: Mission, frame: LocalFrame | None = None) -> Task:
     )
 
 
-def _notifier(
-    period: float, frame: LocalFrame, on_progress: Callable[[str], None] | None
-) -> Callable[[int, Candidate], None] | None:
-    if on_progress is None:
-        return None
+class _Best:
+    """Keeps the best of the plans that a search tells of, and passes the news on as lines of text."""
 
-    def notify(steps: int, candidate: Candidate) -> None:
-        outcome = "covers everything" if candidate.complete else f"J = {frame.length * candidate.cost:.4g} m"
-        on_progress(f"{steps * period:.4g} s: {outcome} ({candidate.origin.name})")
+    def __init__(self, period: float, frame: LocalFrame, on_progress: Callable[[str], None] | None) -> None:
+        self.found: Candidate | None = None
+        self._period, self._frame, self._on_progress = period, frame, on_progress
 
-    return notify
+    def note(self, steps: int, candidate: Candidate) -> None:
+        """Take in a plan of so many steps: a shorter one is better where both cover everything."""
+        if candidate.feasible and (self.found is None or self._merit(candidate) <= self._merit(self.found)):
+            self.found = candidate
+        if self._on_progress is not None:
+            outcome = "covers everything" if candidate.complete else f"J = {self._frame.length * candidate.cost:.4g} m"
+            self._on_progress(f"{steps * self._period:.4g} s: {outcome} ({candidate.origin.name})")
+
+    @staticmethod
+    def _merit(candidate: Candidate) -> tuple[bool, float]:
+        return not candidate.complete, candidate.plan.steps if candidate.complete else candidate.cost
 
 
-def _recording(mission: Mission, options: PlanOptions, frame: LocalFrame, found: Candidate) -> Recording:
+def _recording(
+    mission: Mission, options: PlanOptions, frame: LocalFrame, found: Candidate, *, interrupted: bool
+) -> Recording:
     given = mission.spec.planning.start == "fixed"
     plan = frame.metric(found.plan, mission.fleet.start if given else None)
     return Recording(
@@ -148,6 +167,7 @@ def _recording(mission: Mission, options: PlanOptions, frame: LocalFrame, found:
             "cost_m": frame.length * found.cost,
             "guess": found.origin.name,
             **_solver_meta(found),
+            **({"interrupted": True, "stopped": "Interrupted: the best plan until then."} if interrupted else {}),
         },
     )
 

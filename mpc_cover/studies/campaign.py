@@ -6,6 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mpc_cover.exit_status import exit_status
 from mpc_cover.studies.progress import StudyProgress
 from mpc_cover.studies.results import StudyFolder
 
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from mpc_cover.studies.measure import Fly
     from mpc_cover.studies.record import Record
     from mpc_cover.studies.runs import Run
-
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells have it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +48,8 @@ class Campaign:
     @property
     def exit_status(self) -> int:
         """0 when every run was flown, whatever its result."""
-        return INTERRUPTED if self.interrupted else int(len(self.found) < self.wanted or self.broken > 0)
+        holds = len(self.found) >= self.wanted and self.broken == 0
+        return exit_status(holds=holds, interrupted=self.interrupted)
 
     def announce_end(self, console: Console) -> None:
         """Say how far the study got, if that is not to its end."""

@@ -35,7 +35,8 @@ def plan_files(
 ) -> list[tuple[RunSummary, dict[str, Any]]]:
     """Plan one mission, or every mission of a folder; verify and write each; return summaries and extras.
 
-    A plan that the verifier refuses is not written: its extra names no file.
+    A plan that the verifier refuses is not written: its extra names no file. Ctrl-C ends the search for a plan: the
+    best one so far is written, and no other mission is planned.
 
     Raises
     ------
@@ -54,7 +55,12 @@ def plan_files(
     target = out or Path("plans")
     _make_folder(target)
     files = [target / f"{mission.stem}.npz" for mission in missions]
-    return [_plan(str(m), f, options, console, profile=profile) for m, f in zip(missions, files, strict=True)]
+    results: list[tuple[RunSummary, dict[str, Any]]] = []
+    for mission, file in zip(missions, files, strict=True):
+        results.append(_plan(str(mission), file, options, console, profile=profile))
+        if results[-1][1]["interrupted"]:
+            break
+    return results
 
 
 def _plannable(name: str) -> Mission:
@@ -84,6 +90,7 @@ def _plan(
     kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual")
     margins = {check.name: check.margin for check in report.checks if math.isfinite(check.margin)}
     extra = {"file": str(file) if report.holds else None, "computing_time_s": round(seconds, 3), "margins": margins}
+    extra["interrupted"] = bool(meta.get("interrupted", False))
     extra |= {name: meta.get(name) for name in kept}
     return summary, extra
 

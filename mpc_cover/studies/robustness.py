@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from mpc_cover.exit_status import exit_status
 from mpc_cover.studies.campaign import fly_missing
 from mpc_cover.studies.measure import fly
 from mpc_cover.studies.robustness_cases import cases, work_of
@@ -34,7 +35,8 @@ class RobustnessStudy:
     @property
     def exit_status(self) -> int:
         """0 when every case passes."""
-        return self.campaign.exit_status or int(not all(result.passes for result in self.results))
+        passing = self.campaign.exit_status == 0 and all(result.passes for result in self.results)
+        return exit_status(holds=passing, interrupted=self.campaign.interrupted)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the study as plain data for `--json`."""

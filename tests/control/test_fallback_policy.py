@@ -73,10 +73,10 @@ def test_without_a_mission_plan_the_previous_plan_is_shifted_and_then_rest():
     for k in range(1, 12):
         state = FleetState.nominal(*plan.at(k * PERIOD), k * PERIOD)
         proposal = law.step(state, make_map(mission), step_budget())
-        assert proposal.source is (PlanSource.REST if resting else PlanSource.SHIFTED)
         assert holds(mission, proposal.trajectory, state)
         law.published(proposal.trajectory)
         resting = law.mode is Mode.REPLAN_AT_REST
+        assert proposal.source is (PlanSource.REST if resting else PlanSource.SHIFTED)
     assert resting
     assert np.abs(state.velocity).max() < 1e-9
 
@@ -139,4 +139,6 @@ def test_coming_to_rest_is_at_once_unless_only_the_plan_sent_last_is_safe():
     assert not constraints.keeps(constraints.brake(state), state)
     on = stop_proposal(constraints, state, incumbent, "all is covered")
     assert on.source is PlanSource.SHIFTED
-    np.testing.assert_allclose(on.trajectory.velocity, incumbent.velocity, atol=1e-12)
+    assert holds(mission, on.trajectory, state)
+    np.testing.assert_allclose(on.trajectory.velocity[1], incumbent.velocity[1], atol=1e-12)
+    assert np.abs(on.trajectory.velocity).sum() <= np.abs(incumbent.velocity).sum() + 1e-9

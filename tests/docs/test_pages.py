@@ -128,8 +128,9 @@ def test_the_page_of_missions_has_every_key_with_its_default_and_no_other():
 def test_the_page_of_the_protocol_has_every_key_and_every_message():
     text = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
     keys, agent = Keys("<mission>"), "<id>"
-    spoken = [keys.state, keys.plan, keys.agent_event, keys.agent_alive, keys.hello, keys.word]
-    shown = [key(agent) for key in spoken] + [keys.status, keys.map, keys.controller_event, keys.controller_alive]
+    spoken = [keys.state, keys.plan, keys.agent_event, keys.hello, keys.word]
+    shown = [key(agent) for key in spoken] + [keys.agent_alive(agent, "<instance>")]
+    shown += [keys.status, keys.map, keys.controller_event, keys.controller_alive]
     assert [key for key in shown if f"`{key}`" not in text] == []
     kinds = [kind for module in (messages, radio_messages) for kind in vars(module).values() if isinstance(kind, type)]
     sent = {kind.__name__ for kind in kinds if issubclass(kind, messages.Message) and kind is not messages.Message}

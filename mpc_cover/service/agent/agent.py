@@ -8,6 +8,7 @@ from collections import Counter, deque
 from typing import TYPE_CHECKING
 
 from mpc_cover.model.trajectory import SNAP_S
+from mpc_cover.service.agent.controller_watch import ControllerWatch
 from mpc_cover.service.agent.plan_filter import Authority, check_content, check_start, check_time, limits_of
 from mpc_cover.service.agent.schedule import Schedule, ScheduledPlan, plan_in, predict
 from mpc_cover.service.agent.vehicle import make_vehicle
@@ -60,7 +61,6 @@ class Agent:
     ) -> None:
         index = mission.fleet.ids.index(agent_id)
         self.id = agent_id
-        self.done = False  # an agent runs until it is stopped
         self.instance = instance or uuid.uuid4().hex
         self.rejected: Counter[Reason] = Counter()
         self._clock, self._speed = clock, speed
@@ -84,7 +84,8 @@ class Agent:
         self._states = transport.publisher(keys.state(agent_id), bus.STATE)
         events = transport.publisher(keys.agent_event(agent_id), bus.EVENT)
         self.events = EventLog(agent_id, events, clock, say)
-        self._alive_key = keys.agent_alive(agent_id)
+        self._alive_key = keys.agent_alive(agent_id, self.instance)
+        self._controllers = ControllerWatch(mission, agent_id, self.instance, transport, self.events, speed=speed)
 
     def startup(self) -> None:
         """Announce presence and report the state for the first time."""
@@ -99,6 +100,16 @@ class Agent:
         return min(report_s, self._outbox[0][0]) if self._outbox else report_s
 
     @property
+    def taken_by(self) -> str:
+        """The instance of another process that is this agent for the controller; empty as long as this one may be."""
+        return self._controllers.taken_by
+
+    @property
+    def done(self) -> bool:
+        """Whether it has nothing left to do: it runs until it is stopped, unless its id is taken."""
+        return bool(self.taken_by) and self.at_rest
+
+    @property
     def at_rest(self) -> bool:
         """Whether it stands still, within its tracking error, with nothing left to fly."""
         return self.schedule.rests(self.plant.time_s, self.plant.velocity) and self.vehicle.on_track
@@ -111,6 +122,7 @@ class Agent:
             for item in self._plans.drain():
                 self._receive(item, now)
             self.vehicle.advance(now, self.schedule)
+            self._controllers.tick(now)
             self._report()
             self._report_index = max(self._report_index + 1, math.floor((now + SNAP_S) / self._state_period) + 1)
         self._send_due(now)

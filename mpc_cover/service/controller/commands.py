@@ -1,4 +1,4 @@
-"""Serves commands to the controller: pause, resume, abort, retask; a repeated request id gets the same reply."""
+"""Serves the commands to the controller; a repeated request id gets the same reply."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from mpc_cover.service.protocol.bus import Request, Transport
     from mpc_cover.service.protocol.messages import Phase
 
+URGENT = {CommandName.PAUSE, CommandName.ABORT}
+"""Commands that are executed between two ticks of a flight: those to brake."""
 DEPTH = 16
 REMEMBERED = 64
 
@@ -70,6 +72,11 @@ class CommandServer:
                 commands.append(command)
                 self._remember(command)
         return commands
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a command to brake waits to be received."""
+        return any(key.rsplit("/", 1)[-1] in URGENT for key in self._requests.keys())  # noqa: SIM118 - no dict
 
     def decide(self, command: Command, decision: Decision) -> None:
         """Set the outcome of a command that was received; by default it is accepted."""

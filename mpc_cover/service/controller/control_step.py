@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from mpc_cover.service.controller.plan_publisher import PlanPublisher
     from mpc_cover.service.controller.step_log import StepLog
 
+STOP_LEAD = 2.0
+"""A stop begins so many state periods after the command: one for agents to read it, one for its computation."""
 LATEST_START = 0.5
 """Part of the time for a step that must be left when it starts, or it is skipped."""
 
@@ -66,6 +68,8 @@ class ControlStep:
         self._law, self._publisher, self._emit = law, publisher, emit
         self._mission_clock, self._clock, self._step_log = mission_clock, clock, step_log
         self._control, self._speed, self._budget_of = control, speed, budget_of
+        self._lead_s = STOP_LEAD * control.state_period_s
+        self._stop_sent_s: float | None = None
 
     def set_law(self, law: ControlLaw, control: Control) -> None:
         """Plan by another law from now on, for another version of the mission."""
@@ -113,24 +117,52 @@ class ControlStep:
             self._emit("step-failed", f"a step failed: {error!r}; the previous plan goes on")
             return
         computing_s = time.perf_counter() - law_begun
-        counted_s = (
-            clock.grid(tick) + budget_s - self._speed * budget.left_s
-        )  # what no clock shows where work is counted
-        if late := self._late(tick, max(self._clock.now(), counted_s)):
+        # what no clock shows where work is counted
+        counted_s = clock.grid(tick) + budget_s - self._speed * budget.left_s
+        if late := self._late(clock.grid(tick + 1), max(self._clock.now(), counted_s)):
             self._emit("late", "a step took too long: its plan is not sent, the previous one goes on")
         else:
             self.sent = self._publish(proposal, state, supervisor)
         took_s = time.perf_counter() - begun
         self._log(StepKind.STEP, state, proposal, computing_s, took_s, missed=late or budget.left_s < 0.0)
 
-    def _late(self, tick: int, done_s: float) -> bool:
+    def begin_stop(self) -> None:
+        """Let the next `stop` send a motion to rest, whatever was sent before."""
+        self._stop_sent_s = None
+
+    def stop(self, supervisor: FleetSupervisor) -> None:
+        """Send the earliest verified motion to rest; again where an agent reports not to have it.
+
+        Braking begins as soon as agents can read of it. Where that is not safe, the fleet flies on along its plan to
+        the next sample from which stopping is, at the latest to the plan's own end.
+
+        Raises
+        ------
+        UnknownPlanError
+            An agent flies a plan that this controller did not send.
+        """
+        if self._stop_sent_s is not None:
+            heard_s = self._stop_sent_s + STOP_LEAD * self._control.state_period_s
+            if not supervisor.without_plan(self._publisher.last_ref, heard_s):
+                return
+        clock = self._mission_clock
+        soonest_s = self._clock.now() + self._lead_s
+        for start_s, on_sample in ((soonest_s, False), (clock.next_sample(soonest_s), True)):
+            state = supervisor.predict(start_s, start_s - clock.origin_s, clock.origin_s)
+            motion = self._publisher.earliest_stop(state, on_sample=on_sample)
+            if self._late(start_s, self._clock.now()):
+                self._lead_s *= 2.0  # verifying takes longer than thought: the next attempt leaves it more time
+            elif motion is not None and self._publish(Proposal(motion, PlanSource.BRAKE), state, supervisor):
+                self._stop_sent_s = self._clock.now()
+                return
+
+    def _late(self, start_s: float, done_s: float) -> bool:
         """Return whether agents, which read their messages once a state period, may find a plan after its start.
 
         The plan is made at `done_s` of the controller's clock. Agents would reject it, not being in its start state by
         then, and all plans that assume that they fly it.
         """
-        found_s = done_s + self._control.state_period_s
-        return found_s > self._mission_clock.grid(tick + 1) + SNAP_S
+        return done_s + self._control.state_period_s > start_s + SNAP_S
 
     def _publish(self, proposal: Proposal, state: FleetState, supervisor: FleetSupervisor) -> bool:
         """Send a proposal, if the safety filter admits it, and inform the law; return whether it was sent."""

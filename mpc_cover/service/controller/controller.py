@@ -12,7 +12,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mpc_cover.exit_status import exit_status
 from mpc_cover.information.build import make_map
+from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.planning.budget import Budget
 from mpc_cover.service.controller.commands import CommandServer, Decision
 from mpc_cover.service.controller.control_step import ControlStep
@@ -92,7 +94,8 @@ class Controller:
         self.mission, self.law = mission, law
         self.step_log = step_log or StepLog()
         self.heartbeat = Heartbeat(mission, transport, clock, identity, epoch=epoch, period_s=0.5 * speed, say=say)
-        self._clock, self._transport, self._epoch = clock, transport, epoch
+        self._clock, self._transport, self._epoch, self._identity = clock, transport, epoch, identity
+        self._told_others: dict[str, str] = {}
         self._control = mission.spec.control
         self._checkpoints: CheckpointStore = checkpoints or NoCheckpoints()
         self._commands = CommandServer(mission, transport)
@@ -148,13 +151,14 @@ class Controller:
 
     @property
     def next_time(self) -> float:
-        """When the next tick is due [s]."""
-        return self._mission_clock.due_s
+        """When the next tick is due [s]: in flight at once when everyone is told to brake."""
+        due_s = self._mission_clock.due_s
+        return min(due_s, self._clock.now()) if self._phases.on_grid and self._commands.waiting else due_s
 
     @property
     def exit_status(self) -> int:
         """0 when the mission is complete, else 1."""
-        return 0 if self.phase is Phase.COMPLETE else 1
+        return exit_status(covered=self.phase is Phase.COMPLETE)
 
     @property
     def mission_time_s(self) -> float:
@@ -163,12 +167,22 @@ class Controller:
 
     def startup(self) -> None:
         """Announce presence."""
-        self._transport.announce(Keys(self.mission.spec.name).controller_alive)
+        keys = Keys(self.mission.spec.name)
+        self._transport.announce(keys.controller_alive)
+        self._transport.announce(keys.controller_instance(self._identity))
         self._publish_status()
 
     def tick(self) -> None:
-        """Receive reports and commands, act according to the phase, and publish the status."""
-        stalled = self._clock.now() - self._mission_clock.due_s >= STALLED_PERIODS * self._control.period_s
+        """Receive reports and commands, act according to the phase, and publish the status.
+
+        When it is told to brake between two ticks of a flight, it only executes that.
+        """
+        now_s = self._clock.now()
+        if self._phases.on_grid and self._commands.waiting and now_s < self._mission_clock.due_s - SNAP_S:
+            self._execute_commands()
+            self._publish_status()
+            return
+        stalled = now_s - self._mission_clock.due_s >= STALLED_PERIODS * self._control.period_s
         self._receive()
         self._execute_commands()
         self._phases.act(stalled=stalled)
@@ -192,13 +206,21 @@ class Controller:
             own = f"this one, of epoch {self._epoch}"
             self._phases.enter(Phase.FAILED, f"a controller of epoch {newest} has taken over from {own}")
 
+        for name, other in self.fleet_monitor.others.items():
+            if self._told_others.get(name) != other:
+                self._told_others[name] = other
+                text = f"instance {other[:8]} says that it is {name}, too: it is not listened to while {name} is here"
+                self.heartbeat.events.emit(f"twice-{name}"[:64], text)
+
     def _execute_commands(self) -> None:
         for command in self._commands.receive():
             match command.name:
                 case CommandName.ABORT:
-                    self._phases.enter(Phase.FAILED, "aborted: everyone finishes its plan")
-                case CommandName.PAUSE if self.phase is Phase.FLYING:
-                    self._phases.regroup("paused")
+                    self._phases.stop(Phase.FAILED, "aborted")
+                case CommandName.PAUSE if self._mission_clock.running:
+                    self._phases.stop(Phase.WAITING if self.phase is Phase.FLYING else self.phase, "paused")
+                case CommandName.FINISH:
+                    self._phases.finish()
                 case CommandName.RETASK:
                     self._commands.decide(command, self._retask(command.mission))
 
@@ -234,7 +256,7 @@ class Controller:
             self.heartbeat.events.emit("checkpoint", problem)
 
     def _schedule(self) -> None:
-        if self.phase is Phase.FLYING:
+        if self._phases.on_grid:
             self.step_log.skipped += self._mission_clock.next_tick()
         else:
             self._mission_clock.next_wait(0.0 if self.phase is Phase.PLANNING else self._control.period_s)

@@ -22,6 +22,9 @@ STATE_DEPTH = 1024
 """States kept for each agent between two ticks."""
 STALE_PERIODS = 3.0
 """A state older than this many state periods is stale: the agent is predicted along its plan."""
+HELD_S = 1.0
+"""An id belongs to the process that has it, while its token is alive and it was heard so recently [s of the machine's
+clock]: as long as a hung process keeps its token."""
 JUMP_M = 0.01
 """A position may differ by this much more from the last than the agent's speed limit allows [m]."""
 
@@ -93,10 +96,9 @@ class AgentLink:
         return np.array(self.state.position), np.array(self.state.velocity)
 
     def _begin(self, state: State) -> None:
-        if state.instance in self.retired:
-            raise RejectedError(Reason.OLD, f"instance {state.instance} of {self.id} was replaced")
         if self.state:
             self.retired.add(self.state.instance)
+        self.retired.discard(state.instance)
         self._smallest, self._frozen = np.inf, None
 
     def _check(self, state: State) -> None:
@@ -121,6 +123,7 @@ class FleetMonitor:
     links : the link to each agent.
     rejected : states that were rejected, by reason.
     restarted : ids of the agents whose process was seen for the first time in the last `receive`.
+    others : by id, the last other process of an agent that was turned away, as its id is taken.
     """
 
     def __init__(self, mission: Mission, transport: Transport, speed: float = 1.0, *, history: int = 0) -> None:
@@ -133,6 +136,7 @@ class FleetMonitor:
         self.rejected: Counter[Reason] = Counter()
         self.restarted: list[str] = []
         self._known: dict[str, int] = {}
+        self.others: dict[str, str] = {}
         self._index = {name: index for index, name in enumerate(fleet.ids)}
         self._shape = fleet.start.shape
         self.speed, self._mission = speed, mission_hash(mission)
@@ -178,9 +182,27 @@ class FleetMonitor:
         index = self._index.get(state.agent, -1)
         if index < 0 or agent_of(item.key) != state.agent:
             raise RejectedError(Reason.WRONG_AGENT, f"{state.agent} on {item.key}")
+        self._check_instance(self.links[index], state, item.received_s)
         if self.links[index].accept(state, item.received_s):
             self.restarted.append(state.agent)
         return index, state
+
+    def _check_instance(self, link: AgentLink, state: State, now_s: float) -> None:
+        """Turn away other processes of an agent while the one that has its id is here, and dead ones.
+
+        Raises
+        ------
+        RejectedError
+            Its id is taken; or it was replaced, and has not come back.
+        """
+        if link.state is None or state.instance == link.state.instance:
+            return
+        alive = self._presence.alive()
+        if self._token(link, link.state.instance) in alive and link.silence_s(now_s) <= HELD_S * self.speed:
+            self.others[link.id] = state.instance
+            raise RejectedError(Reason.OTHER_INSTANCE, f"{link.id} is instance {link.state.instance}")
+        if state.instance in link.retired and self._token(link, state.instance) not in alive:
+            raise RejectedError(Reason.OLD, f"instance {state.instance} of {link.id} was replaced")
 
     def _round(self, measured: list[list[State]], number: int) -> tuple[FloatArray, FloatArray]:
         position = np.full(self._shape, np.nan)
@@ -192,13 +214,21 @@ class FleetMonitor:
         return time_s, position
 
     def present(self) -> list[str]:
-        """Return the ids whose liveliness token is alive."""
-        alive = {agent_of(key) for key in self._presence.alive()}
-        return [link.id for link in self.links if link.id in alive]
+        """Return the ids of the agents whose process has its liveliness token alive."""
+        alive = self._presence.alive()
+        names = {agent_of(key) for key in alive}
+        return [
+            link.id
+            for link in self.links
+            if (link.id in names if link.state is None else self._token(link, link.state.instance) in alive)
+        ]
 
     def token_lost_s(self, link: AgentLink) -> float:
         """Return when an agent's liveliness token was lost last, by the controller's clock [s]; -inf if never."""
-        return self._presence.lost_s(self._keys.agent_alive(link.id))
+        return self._presence.lost_s(self._token(link, link.state.instance)) if link.state else -np.inf
+
+    def _token(self, link: AgentLink, instance: str) -> str:
+        return self._keys.agent_alive(link.id, instance)
 
     def stale(self, now_s: float, timeout_s: float | None = None) -> list[str]:
         """Return the ids whose newest state is older than three state periods, or than a timeout [s]."""

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mpc_cover.service.agent.vehicle import MotionState
     from mpc_cover.service.controller.fleet_monitor import FleetMonitor
     from mpc_cover.service.controller.plan_publisher import PlanPublisher
+    from mpc_cover.service.protocol.messages import PlanRef
 
 MOVED_M = 1e-4
 """An agent that moved further than this during the planning was not at rest [m]."""
@@ -158,6 +159,12 @@ class FleetSupervisor:
             return all(link.id not in stale and self._predictor.settled(index, link) for index, link in active)
         except UnknownPlanError:
             return False
+
+    def without_plan(self, ref: PlanRef | None, since_s: float) -> list[str]:
+        """Return the ids of agents that have reported since a time of the controller's clock not to have a plan."""
+        links = [link for index, link in enumerate(self.monitor.links) if index not in self._detector.lost]
+        heard = [(link.id, link.state) for link in links if link.state and link.measured_s() > since_s]
+        return [name for name, state in heard if not state.at_rest and ref not in {state.plan, state.next_plan}]
 
     def lost_positions(self) -> dict[str, list[float]]:
         """Return where lost agents come to rest, (d,) [m], for a later controller."""

@@ -91,6 +91,7 @@ class Heartbeat:
             present=monitor.present(),
             lost=lost,
             text=self.text[:1000],
+            instances={link.id: link.state.instance for link in monitor.links if link.state},
         )
         changed = self.status is None or self.status.phase is not phase or self.status.lost != lost
         self.status = status

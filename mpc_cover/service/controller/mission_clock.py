@@ -48,6 +48,10 @@ class MissionClock:
         assert self._start_s is not None
         return self._start_s + tick * self._period_s
 
+    def next_sample(self, time_s: float) -> float:
+        """Return the first t_k by the clock that is not before a time of it [s]."""
+        return self.grid(max(0, math.ceil((time_s - self.grid(0) - SNAP_S) / self._period_s)))
+
     def planned_start(self, tick: int) -> float:
         """Return the mission time of t_k [s]."""
         return self._paused_s + tick * self._period_s

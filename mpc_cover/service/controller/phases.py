@@ -64,7 +64,7 @@ class MissionPhases:
         self._supervisor, self._control_step, self._heartbeat = supervisor, control_step, heartbeat
         self._mission_clock, self._clock = mission_clock, clock
         self._stay, self._patience_s, self._receive, self._paused = stay, patience_s, receive, paused
-        self._flown = False
+        self._flown = self._braking = False
 
     def set_mission(self, mission: Mission, law: ControlLaw, coverage: FlownMap) -> None:
         """Continue with a version of the mission, its law and its map."""
@@ -77,6 +77,7 @@ class MissionPhases:
 
         A controller that was itself `stalled` cannot tell yet which agents are silent.
         """
+        self.brake()
         match self.phase:
             case Phase.WAITING:
                 self._wait()
@@ -103,14 +104,55 @@ class MissionPhases:
         self._control_step.failures = 0
         self.enter(Phase.WAITING, f"{why}: everyone finishes its plan and waits")
 
+    @property
+    def on_grid(self) -> bool:
+        """Whether a fleet in motion is controlled, on the grid of its plans."""
+        return self.phase is Phase.FLYING or self._braking
+
+    def stop(self, phase: Phase, why: str) -> None:
+        """Let all agents brake as soon as that is safe, and change to a phase in which no other plan is sent.
+
+        A controller that has failed stays so.
+        """
+        if self.phase is Phase.FAILED:
+            return
+        self._control_step.failures = 0
+        self._braking = self._mission_clock.running
+        self._control_step.begin_stop()
+        self.enter(phase, f"{why}: everyone brakes")
+        self.brake()
+
+    def finish(self) -> None:
+        """Let all agents fly their plans to the end, and end then, also where it was to stay."""
+        if self.phase is not Phase.FAILED:
+            self._stay = False
+            self.enter(Phase.STOPPED, "finishes as asked: everyone flies its plan to its end")
+
+    def brake(self) -> None:
+        """Send a stop that was asked for, and see that everyone has it, until all are at rest."""
+        if not self._braking:
+            return
+        if self._supervisor.settled(self._clock.now()):
+            self._braking = False
+            return
+        try:
+            self._control_step.stop(self._supervisor)
+        except UnknownPlanError as error:
+            self._braking = False
+            text = f"someone flies an unknown plan ({error}): everyone finishes the plan that it has"
+            self._heartbeat.events.emit("no-stop", text)
+
     def _wait(self) -> None:
         if self._flown:
             self._supervisor.assess(self._clock.now(), self._patience_s)
         not_ready = self._not_ready()
-        if not_ready or self._paused():
-            self._heartbeat.text = not_ready or "paused"
+        if not_ready or self._braking:
+            self._heartbeat.text = not_ready or self._heartbeat.text
             return
         self._mission_clock.pause()
+        if self._paused():
+            self._heartbeat.text = "paused"
+            return
         if self._completion.nothing_left:
             self._complete()
         else:
@@ -181,5 +223,7 @@ class MissionPhases:
         staying = self._stay and self.phase is Phase.COMPLETE
         moving = self._supervisor.monitor.moving(self._clock.now())
         self.done = not staying and not moving
+        if self.phase is Phase.STOPPED and not moving and self._completion.nothing_left:
+            self.enter(*self._completion.ending())
         if staying and not moving:
             self._mission_clock.pause()

@@ -74,6 +74,15 @@ class PlanPublisher:
         self._seq += 1
         return verdict
 
+    def earliest_stop(self, state: FleetState, *, on_sample: bool) -> Trajectory | None:
+        """Return the earliest motion to rest that the safety filter admits; see `SafetyFilter.earliest_stop`."""
+        return self._filter.earliest_stop(state, self._incumbent, on_sample=on_sample)
+
+    @property
+    def last_ref(self) -> PlanRef | None:
+        """The id of the newest plan; None before the first."""
+        return PlanRef(self._epoch, self._seq - 1) if self._seq else None
+
     def set_mission(self, mission: Mission) -> None:
         """Filter by another version of the mission from now on, for the same fleet."""
         self._filter = SafetyFilter(mission)

@@ -127,6 +127,10 @@ class RequestInbox:
         """Add a request."""
         self._items.append(request)
 
+    def keys(self) -> list[str]:
+        """Return the keys of those that wait, oldest first."""
+        return [request.key for request in self._items.copy()]
+
     def drain(self) -> list[Request]:
         """Return the requests since last time, oldest first."""
         items = []
@@ -165,6 +169,10 @@ class Transport(Protocol):
 
     def presence(self, pattern: str) -> Presence:
         """Return the live set of matching liveliness tokens."""
+        ...
+
+    def alive(self, pattern: str, timeout_s: float) -> list[str]:
+        """Return the keys of the matching liveliness tokens at present, asking for them at most so long."""
         ...
 
     def requests(self, pattern: str, depth: int) -> RequestInbox:

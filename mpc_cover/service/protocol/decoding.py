@@ -39,6 +39,7 @@ class Reason(StrEnum):
     WRONG_INSTANCE = "wrong instance"
     OLD = "old or repeated"
     IMPLAUSIBLE = "implausible"
+    OTHER_INSTANCE = "another process of the agent"
     OLD_EPOCH = "old epoch"
     OTHER_CONTROLLER = "other controller"
     EXPIRED = "expired"

@@ -31,9 +31,9 @@ class Keys:
         """Return the key of an agent's events."""
         return f"{self.root}/agent/{agent}/event"
 
-    def agent_alive(self, agent: str = ANY) -> str:
-        """Return the key of an agent's liveliness token."""
-        return f"{self.root}/agent/{agent}/alive"
+    def agent_alive(self, agent: str = ANY, instance: str = ANY) -> str:
+        """Return the key of the liveliness token of one process of an agent."""
+        return f"{self.root}/agent/{agent}/alive/{instance}"
 
     def hello(self, agent: str = ANY) -> str:
         """Return the key on which an agent of the distributed law announces itself, before the start."""
@@ -63,18 +63,28 @@ class Keys:
         """The controller's liveliness token."""
         return f"{self.root}/ctl/alive"
 
+    def controller_instance(self, identity: str = ANY) -> str:
+        """Return the key of the liveliness token of one controller process."""
+        return f"{self.controller_alive}/{identity}"
+
     def command(self, name: str = ANY) -> str:
-        """Return the key of a command: pause, resume, abort, retask."""
+        """Return the key of a command: pause, resume, abort, finish, retask."""
         return f"{self.root}/ctl/cmd/{name}"
 
 
 def agent_of(key: str) -> str:
     """Return the agent id in one of the agent keys, or an empty string."""
     chunks = key.split("/")
-    return chunks[3] if len(chunks) == 5 and chunks[2] == "agent" else ""  # noqa: PLR2004 - cover/m/agent/id/what
+    return chunks[3] if len(chunks) in {5, 6} and chunks[2] == "agent" else ""  # cover/m/agent/id/what/instance
 
 
 def matches(pattern: str, key: str) -> bool:
     """Return whether a key matches a pattern in which `*` stands for one chunk."""
     wanted, chunks = pattern.split("/"), key.split("/")
     return len(wanted) == len(chunks) and all(w in (ANY, c) for w, c in zip(wanted, chunks, strict=True))
+
+
+def mission_of(key: str) -> str:
+    """Return the name of the mission in one of the keys, or an empty string."""
+    chunks = key.split("/")
+    return chunks[1] if len(chunks) > 2 and chunks[0] == "cover" else ""  # noqa: PLR2004 - cover/m/what

@@ -58,6 +58,10 @@ class LocalBus:
             if matches(pattern, key):
                 presence.set(key, alive=True, time_s=self.clock.now())
 
+    def tokens(self) -> list[str]:
+        """Return the keys of all tokens."""
+        return [key for _, key in self._tokens]
+
     def watch(self, owner: LocalTransport, pattern: str, presence: Presence) -> None:
         """Keep `presence` up to date."""
         self._presences.append((owner, pattern, presence))
@@ -130,6 +134,10 @@ class LocalTransport:
         presence = Presence()
         self.bus.watch(self, pattern, presence)
         return presence
+
+    def alive(self, pattern: str, timeout_s: float) -> list[str]:  # noqa: ARG002 - nothing waits here
+        """Return the keys of the matching tokens at present."""
+        return [key for key in self.bus.tokens() if matches(pattern, key)]
 
     def requests(self, pattern: str, depth: int) -> RequestInbox:
         """Return the requests made on matching keys."""

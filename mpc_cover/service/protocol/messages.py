@@ -37,8 +37,12 @@ class CommandName(StrEnum):
     """The commands to the controller."""
 
     PAUSE = "pause"
+    """Brake now, and wait at rest for `resume`."""
     RESUME = "resume"
     ABORT = "abort"
+    """Brake now, and end."""
+    FINISH = "finish"
+    """Fly the present plan to its end, and end."""
     RETASK = "retask"
 
 
@@ -127,6 +131,8 @@ class Status(Message, frozen=True, kw_only=True):
     present: list[Id] = []
     lost: list[Id] = []
     text: Text = ""
+    instances: dict[str, str] = {}
+    """Which process of each agent the controller listens to, by agent id."""
 
 
 class MapMessage(Message, frozen=True, kw_only=True):

@@ -160,6 +160,11 @@ class ZenohTransport:
         self._kept.append(liveliness.declare_subscriber(pattern, self._counted(note), history=True))
         return presence
 
+    def alive(self, pattern: str, timeout_s: float) -> list[str]:
+        """Return the keys of the matching tokens at present, asking for them at most so long."""
+        replies = self._session.liveliness().get(pattern, timeout=timeout_s)
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
     def requests(self, pattern: str, depth: int) -> RequestInbox:
         """Return the requests made on matching keys."""
         requests = RequestInbox(depth)

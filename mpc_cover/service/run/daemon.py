@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from threading import Event
 from typing import TYPE_CHECKING, Protocol, Self
+
+from mpc_cover.exit_status import exit_status
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -12,10 +15,8 @@ if TYPE_CHECKING:
 
     from mpc_cover.clock import Clock
 
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, by the convention of shells: 128 + SIGINT."""
 TERMINATED = 143
-"""Exit status after SIGTERM: 128 + SIGTERM."""
+"""Exit status of another process's child after SIGTERM: 128 + SIGTERM, as if it had not been handled."""
 
 
 class Participant(Protocol):
@@ -47,12 +48,14 @@ class Participant(Protocol):
 class Signals:
     """Turns SIGINT and SIGTERM into `stop`, which clocks wait on; `received` is the first of them, or 0.
 
-    Handlers only set an event: nothing is interrupted in the middle of a tick, unless Ctrl-C comes twice.
+    Handlers only set an event: nothing is interrupted in the middle of a tick, unless Ctrl-C comes twice. A `child` is
+    one of a demo's processes, which must tell an end by SIGTERM from one of its own.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, child: bool = False) -> None:
         self.stop = Event()
         self.received = 0
+        self._child = child
         self._before: dict[int, object] = {}
 
     def __enter__(self) -> Self:
@@ -70,8 +73,10 @@ class Signals:
 
     @property
     def exit_status(self) -> int:
-        """128 plus the signal's number; 0 when there was none."""
-        return 128 + self.received if self.received else 0
+        """That of a daemon: 130 after Ctrl-C; 0 after SIGTERM, which is a clean end, and when there was no signal."""
+        if self.received == signal.SIGTERM and self._child:
+            return TERMINATED
+        return exit_status(interrupted=self.received == signal.SIGINT)
 
     def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - the signal module's signature
         if self.received and number == signal.SIGINT:
@@ -80,11 +85,22 @@ class Signals:
         self.stop.set()
 
 
-def run(participant: Participant, clock: Clock, stop: Event, after_tick: Callable[[], None] | None = None) -> None:
-    """Run until it is done or `stop` is set; `shutdown` is called whatever happens."""
+def run(
+    participant: Participant,
+    clock: Clock,
+    stop: Event,
+    after_tick: Callable[[], None] | None = None,
+    look_s: float = math.inf,
+) -> None:
+    """Run until it is done or `stop` is set; `shutdown` is called whatever happens.
+
+    When the next tick is due is looked up every `look_s` of the clock [s]: a command may make it due at once.
+    """
     try:
         participant.startup()
-        while not participant.done and clock.wait_until(participant.next_time, stop):
+        while not participant.done and clock.wait_until(min(participant.next_time, clock.now() + look_s), stop):
+            if participant.next_time > clock.now():
+                continue
             participant.tick()
             if after_tick:
                 after_tick()

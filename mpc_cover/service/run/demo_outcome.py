@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import TYPE_CHECKING
 
-from mpc_cover.service.run.daemon import INTERRUPTED
+from mpc_cover import exit_status as statuses
 
 if TYPE_CHECKING:
     from mpc_cover.verification.summary import RunSummary
@@ -54,7 +54,8 @@ class DemoResult:
 
 def exit_status(outcome: Outcome, summary: RunSummary | None, signal_received: int) -> int:
     """Return the exit status of a demo: 0 if it is complete and its recording holds, 130 after Ctrl-C, else 1."""
-    if signal_received:
-        return INTERRUPTED
-    verified = summary is not None and summary.holds and summary.covered_cells == summary.cells
-    return 0 if outcome.ending is Ending.COMPLETE and verified else 1
+    return statuses.exit_status(
+        holds=outcome.ending is Ending.COMPLETE and summary is not None and summary.holds,
+        covered=summary is not None and summary.covered_cells == summary.cells,
+        interrupted=bool(signal_received),
+    )

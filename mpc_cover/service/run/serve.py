@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.errors import UserError
+from mpc_cover.service.protocol.keys import Keys
+from mpc_cover.service.protocol.network import LEASE_MS
 from mpc_cover.service.protocol.transport import open_transport
 from mpc_cover.service.run.daemon import Signals, run
 
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 
 A = TypeVar("A", bound="Participant")
 
+ASK_S = 1.0
+"""How long to ask the network at most which controllers there are [s]; answers come in milliseconds."""
 STATUS_EVERY_S = 2.0
 """How often `serve` writes a status line [s of the machine's clock]."""
 
@@ -69,7 +73,7 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
     from mpc_cover.service.controller.state_directory import StateDirectory  # noqa: PLC0415 - only here
 
     path = options.state_dir or Path(".mpc-cover") / mission.spec.name
-    with Signals() as signals, StateDirectory(path) as folder:
+    with Signals(child=options.with_parent) as signals, StateDirectory(path) as folder:
         follow_parent(options.with_parent, signals.stop)
         clock = MonotonicClock(options.speed)
         try:
@@ -77,13 +81,37 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
         except InterruptedError:
             return signals.exit_status
         try:
+            identity = uuid.uuid4().hex
+            refuse_second(mission, transport, signals.stop)
+            transport.announce(Keys(mission.spec.name).controller_instance(identity))  # before what takes a second
             say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
-            controller = _controller(mission, options, folder, transport, clock)
-            run(controller, clock, signals.stop, _StatusLines(controller).after_tick)
+            controller = _controller(mission, options, folder, transport, clock, identity)
+            look_s = mission.spec.control.state_period_s
+            run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s)
         finally:
             transport.close()
         unfinished = not controller.done and not (options.stay and controller.exit_status == 0)
         return signals.exit_status if unfinished else controller.exit_status
+
+
+def refuse_second(mission: Mission, transport: Transport, stop: Event) -> None:
+    """Make sure that no other controller of a mission is on the network.
+
+    One that has died is there for as long as its lease.
+
+    Raises
+    ------
+    UserError
+        There is one.
+    """
+    keys, give_up_s = Keys(mission.spec.name), time.monotonic() + 1.5 * LEASE_MS / 1000.0
+    while there := transport.alive(keys.controller_instance(), ASK_S):
+        if time.monotonic() > give_up_s or stop.wait(ASK_S / 4.0):
+            who = ", ".join(sorted(key.rsplit("/", 1)[-1][:8] for key in there))
+            raise UserError(
+                f"mission {mission.spec.name}: controller {who} is on this network already: end that one first, or"
+                " give this mission another name"
+            )
 
 
 def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions) -> int:
@@ -98,8 +126,14 @@ def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: N
 
     check_agent_id(mission, agent_id)
     text = f"{agent_id}: agent of {mission.spec.name}, reaches {', '.join(network.connect + network.listen)}"
-    run_agent_process(Agent, mission, agent_id, options, network, text)
-    return 0
+    agent, status = run_agent_process(Agent, mission, agent_id, options, network, text)
+    if agent is not None and agent.taken_by:
+        own = f"this one is instance {agent.instance[:8]}"
+        raise UserError(
+            f"agent {agent_id}: another process, instance {agent.taken_by[:8]}, is {agent_id} of mission"
+            f" {mission.spec.name} already, and {own}: end that one first, or give another --id"
+        )
+    return status
 
 
 def check_agent_id(mission: Mission, agent_id: str) -> None:
@@ -126,7 +160,7 @@ def run_agent_process(
     from mpc_cover.service.agent.recorder import FileRecorder, Header  # noqa: PLC0415 - the controller needs none
 
     instance = uuid.uuid4().hex
-    with Signals() as signals:
+    with Signals(child=options.with_parent) as signals:
         follow_parent(options.with_parent, signals.stop)
         clock = MonotonicClock(options.speed)
         header = Header(agent_id, instance, mission.spec.name, options.speed)
@@ -161,7 +195,12 @@ def say(text: str) -> None:
 
 
 def _controller(
-    mission: Mission, options: ServeOptions, folder: StateDirectory, transport: Transport, clock: Clock
+    mission: Mission,
+    options: ServeOptions,
+    folder: StateDirectory,
+    transport: Transport,
+    clock: Clock,
+    identity: str,
 ) -> Controller:
     from mpc_cover.control.factory import make_control_law  # noqa: PLC0415 - heavy
     from mpc_cover.service.controller.checkpoint import FileCheckpoints  # noqa: PLC0415 - only here
@@ -181,7 +220,7 @@ def _controller(
         transport,
         clock,
         epoch=folder.next_epoch(),
-        identity=uuid.uuid4().hex,
+        identity=identity,
         speed=options.speed,
         stay=options.stay,
         checkpoints=checkpoints,

@@ -45,6 +45,7 @@ class Simulation:
     complete : whether everything was covered.
     lost : ids of the lost agents.
     outcome : how it ended, as a text.
+    interrupted : whether it was broken off by Ctrl-C: the trajectory is what was flown until then.
     """
 
     trajectory: Recording
@@ -53,6 +54,7 @@ class Simulation:
     complete: bool
     lost: tuple[str, ...] = ()
     outcome: str = ""
+    interrupted: bool = False
 
 
 def simulate(
@@ -64,6 +66,7 @@ def simulate(
     channel: Callable[[str, bytes], list[bytes]] | None = None,
     deaths: Mapping[str, float] | None = None,
     on_tick: Callable[[Status], None] | None = None,
+    keep_on_interrupt: bool = False,
 ) -> Simulation:
     """Fly a mission; the same mission, back-end and seed give the same trajectory to the last bit.
 
@@ -74,6 +77,7 @@ def simulate(
     channel : see `LocalBus`.
     deaths : mission times [s] at which agents die, as if their processes were killed, by id; one must be left.
     on_tick : called with the controller's status after each of its ticks.
+    keep_on_interrupt : whether a KeyboardInterrupt in flight ends the flight, and what was flown is returned.
     """
     check_deaths(deaths or {}, mission)
     clock, events = VirtualClock(), list[str]()
@@ -83,13 +87,24 @@ def simulate(
     ]
     law = law or make_control_law(mission, backend, seed)
     controller = Controller(mission, law, bus.join(), clock, budget_of=Budget.counted, say=events.append)
-    _run(clock, simulated_agents, controller, deaths or {}, on_tick)
+    interrupted = False
+    try:
+        _run(clock, simulated_agents, controller, deaths or {}, on_tick)
+    except KeyboardInterrupt:
+        if not keep_on_interrupt or controller.mission_time_s <= 0.0:
+            raise
+        interrupted = True
+        for simulated in simulated_agents:
+            if not simulated.killed:
+                simulated.agent.shutdown()
     meta = {"kind": RecordingKind.SIMULATE, "version": __version__, "seed": seed, "backend": backend}
     died = [simulated.agent.id for simulated in simulated_agents if simulated.killed]
     trajectory = merge(mission, [simulated.recorder.pieces for simulated in simulated_agents], meta, died)
     complete = controller.exit_status == 0
     lost, outcome = tuple(controller.supervisor.lost), controller.heartbeat.text
-    return Simulation(trajectory, list(controller.step_log.steps), events, complete, lost, outcome)
+    if interrupted:
+        outcome = f"interrupted at mission time {controller.mission_time_s:.1f} s"
+    return Simulation(trajectory, list(controller.step_log.steps), events, complete, lost, outcome, interrupted)
 
 
 def _run(

@@ -20,7 +20,7 @@ def run_swarm_agent(mission: Mission, agent_id: str, options: AgentOptions, netw
 
     Returns
     -------
-    0 when everything is covered, 1 when time is up or it came too late, 128 and its number after a signal.
+    0 when everything is covered or after SIGTERM, 1 when time is up or it came too late, 130 after Ctrl-C.
 
     Raises
     ------

@@ -52,10 +52,13 @@ class SwarmFlight:
     messages: int
     bytes: int
     estimate_errors: dict[str, float]
+    interrupted: bool = False
 
     @property
     def outcome(self) -> str:
         """How it ended, as a text."""
+        if self.interrupted:
+            return "interrupted"
         if not self.complete:
             return "not everyone knows that everything is covered"
         return f"everything is covered without {', '.join(self.lost)}" if self.lost else "everything is covered"
@@ -68,6 +71,7 @@ def fly_swarm(
     channel: Callable[[str, bytes], list[bytes]] | None = None,
     deaths: Mapping[str, float] | None = None,
     on_tick: Callable[[Status], None] | None = None,
+    keep_on_interrupt: bool = False,
 ) -> SwarmFlight:
     """Fly a mission by the potential law; the same mission and seed give the same trajectory to the last bit.
 
@@ -77,6 +81,7 @@ def fly_swarm(
     channel : see `LocalBus`.
     deaths : mission times [s] at which agents die, as if their processes were killed, by id.
     on_tick : called with the status after each sample.
+    keep_on_interrupt : whether a KeyboardInterrupt in flight ends the flight, and what was flown is returned.
 
     Raises
     ------
@@ -90,7 +95,16 @@ def fly_swarm(
         for name in mission.fleet.ids
     ]
     observer = SwarmObserver(mission, bus.join(), clock)
-    _run(clock, simulated_agents, deaths or {}, (observer, on_tick) if on_tick else None)
+    interrupted = False
+    try:
+        _run(clock, simulated_agents, deaths or {}, (observer, on_tick) if on_tick else None)
+    except KeyboardInterrupt:
+        flown = [simulated.agent for simulated in simulated_agents if not simulated.killed]
+        if not keep_on_interrupt or not all(agent.start_s < clock.now() for agent in flown):
+            raise
+        interrupted = True
+        for agent in flown:
+            agent.shutdown()
     died = [simulated.agent.id for simulated in simulated_agents if simulated.killed]
     meta = {
         "kind": RecordingKind.SIMULATE,
@@ -107,6 +121,7 @@ def fly_swarm(
         decision_times_s={simulated.agent.id: simulated.agent.decision_times_s for simulated in simulated_agents},
         messages=sum(simulated.agent.sent["messages"] for simulated in simulated_agents),
         bytes=sum(simulated.agent.sent["bytes"] for simulated in simulated_agents),
+        interrupted=interrupted,
         estimate_errors={
             simulated.agent.id: error
             for simulated in simulated_agents

@@ -88,7 +88,7 @@ class SwarmAgent:
         self._limit_s = mission.spec.control.time_limit_s
         keys = Keys(mission.spec.name)
         self.events = EventLog(agent_id, transport.publisher(keys.agent_event(agent_id), bus.EVENT), clock, say)
-        self._alive_key = keys.agent_alive(agent_id)
+        self._alive_key = keys.agent_alive(agent_id, self.instance)
         identity = (agent_id, self.instance)
         self._radio = RadioLink(mission, identity, transport, self.events)
         self._agreement = StartAgreement(

@@ -9,7 +9,7 @@ def test_the_keys_are_those_of_the_protocol():
     assert KEYS.state("a1") == "cover/box-3/agent/a1/state"
     assert KEYS.plan("a1") == "cover/box-3/agent/a1/plan"
     assert KEYS.agent_event("a1") == "cover/box-3/agent/a1/event"
-    assert KEYS.agent_alive("a1") == "cover/box-3/agent/a1/alive"
+    assert KEYS.agent_alive("a1", "x") == "cover/box-3/agent/a1/alive/x"
     assert (KEYS.status, KEYS.map, KEYS.controller_event, KEYS.controller_alive) == tuple(
         f"cover/box-3/ctl/{name}" for name in ("status", "map", "event", "alive")
     )

@@ -10,7 +10,7 @@ from mpc_cover.clock import VirtualClock
 from mpc_cover.service.run.daemon import Signals, run
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
 def test_a_signal_stops_and_a_second_ctrl_c_interrupts(number, status):
     before = signal.getsignal(number)
     with Signals() as signals:
@@ -22,6 +22,13 @@ def test_a_signal_stops_and_a_second_ctrl_c_interrupts(number, status):
             os.kill(os.getpid(), signal.SIGINT)
         assert signals.exit_status == status
     assert signal.getsignal(number) is before
+
+
+def test_a_child_of_a_demo_tells_an_end_by_sigterm_from_one_of_its_own():
+    with Signals(child=True) as signals:
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert signals.stop.wait(5.0)
+    assert signals.exit_status == 143
 
 
 class Counted:
