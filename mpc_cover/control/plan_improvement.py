@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mpc_cover.control.horizon import horizon_ocp, optimised_steps, spliced
+from mpc_cover.model.look_instants import inter_sample
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.planning.segment_refinement import resampled
 
@@ -56,8 +57,11 @@ class PlanImprovement:
         """
         fleet = self._constraints.planned
         segment = optimised_steps(plan, fleet, self._constraints.horizon)
-        later = plan.position[segment + 1 :]
-        weight, looks = self._allocation.left(coverage, state, later, fleet.radius)
+        # unless the plan ends there, the segment's end is given: the rest of the plan takes what is passed from it on
+        rest = plan.slice(segment, plan.steps)
+        between = inter_sample(rest, fleet.look_instants) if rest.steps else None
+        later = plan.position[segment + (between is None) :]
+        weight, looks = self._allocation.left(coverage, state, later, fleet.radius, between)
         demand = weight * self._constraints.reachable, looks
         ocp = horizon_ocp(plan, fleet, self._cell, demand, segment, segment)
         x = ocp.decision(plan.position[0], plan.velocity[: segment + 1])

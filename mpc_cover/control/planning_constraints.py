@@ -11,9 +11,12 @@ from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.control.constraint_relaxation import attainable_bounds, strict_bounds
 from mpc_cover.control.obstacle_trajectories import path_among
 from mpc_cover.control.reachability import reachable
+from mpc_cover.mission.config import Sensing
 from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.constraint_tightening import slowed, tightened, without_lost
 from mpc_cover.model.fleet_constraints import FleetConstraints
+from mpc_cover.model.look_instants import looks_in_flight
+from mpc_cover.model.motion import chord_deviation
 from mpc_cover.planning.initial_guess.rendezvous import out_of_range
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.verification.path import Path
@@ -46,7 +49,9 @@ class PlanningConstraints:
 
     def __init__(self, mission: Mission) -> None:
         self._given = mission
-        self._tight = FleetConstraints.of(tightened(mission), reaction_periods=_reaction(mission))
+        instants = looks_in_flight(mission, mission.spec.control.period_s)
+        fleet = replace(tightened(mission), radius=_planned_radius(mission))
+        self._tight = FleetConstraints.of(fleet, reaction_periods=_reaction(mission), look_instants=instants)
         self._lost = np.zeros(mission.fleet.size, dtype=bool)
         self._share = np.ones(mission.fleet.size)
         self.fleet = self._with_range_reserve(self._tight)
@@ -140,6 +145,18 @@ class PlanningConstraints:
         unseen_s = fleet.reaction_periods * self._given.spec.control.period_s
         reach = fleet.communication_range
         return replace(fleet, communication_range=max(reach - behind * unseen_s, _RANGE_SHARE_MIN * reach))
+
+
+def _planned_radius(mission: Mission) -> FloatArray:
+    """Return the sensing radii (m, J) [m] of plans; of continuous sensing less than the tightened ones by two chords.
+
+    The map marks what chords between reports pass, within the radius less what paths may leave them by.
+    """
+    radius = tightened(mission).radius
+    if mission.spec.sensing is not Sensing.CONTINUOUS:
+        return radius
+    margin = 2.0 * chord_deviation(mission.fleet.input_max, mission.spec.control.state_period_s)[:, None]
+    return np.asarray(np.where(radius > margin, radius - margin, radius))
 
 
 def _reaction(mission: Mission) -> float:

@@ -33,6 +33,15 @@ class Dynamics(StrEnum):
     """Single integrators (5.1), whose u_max is `speed_max_m_per_s`: these fly by the potential law only."""
 
 
+class Sensing(StrEnum):
+    """When sensors look."""
+
+    SAMPLED = "sampled"
+    """At instants: plans count on their samples (4.34), agents look whenever they report."""
+    CONTINUOUS = "continuous"
+    """All the time: whatever the path passes within the sensing radius is measured."""
+
+
 class PlanStart(StrEnum):
     """How offline plans start."""
 
@@ -204,6 +213,8 @@ class MissionSpec(Model):
     fleet: FleetSpec
     magnitudes: Annotated[tuple[Name, ...], Field(min_length=1)] = ("coverage",)
     """The magnitudes to be measured everywhere (Xi of 4.1); radii may differ for each."""
+    sensing: Sensing = Sensing.SAMPLED
+    """When sensors look: at instants, or all the time."""
     information: Information | None = None
     """When a cell counts as measured (5.2.1); left out, by one look, or by `area.looks`."""
     control: Control = Control()

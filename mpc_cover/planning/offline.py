@@ -11,6 +11,7 @@ from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
 from mpc_cover.information.replay import measured_at
 from mpc_cover.model.fleet_constraints import FleetConstraints
+from mpc_cover.model.look_instants import looks_of_plans
 from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.min_time import FAILURES
 from mpc_cover.planning.multistart import Search
@@ -95,7 +96,7 @@ def offline_task(mission: Mission) -> Task:
     end = End(planning.end)
     goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if end is End.FIXED else None
     return Task(
-        FleetConstraints.of(fleet),
+        FleetConstraints.of(fleet, look_instants=looks_of_plans(mission, mission.spec.control.period_s)),
         mission.field.cell,
         demand.gamma * mission.field.weight,
         fleet.start,
@@ -128,7 +129,7 @@ def _recording(mission: Mission, options: PlanOptions, found: Candidate) -> Reco
         velocity=plan.velocity,
         input=plan.input,
         cell=mission.field.cell,
-        covered_at=measured_at(mission, plan.time, plan.position),
+        covered_at=measured_at(mission, plan.time, plan.position, plan.velocity),
         agent_id=mission.fleet.ids,
         mission=mission,
         meta={

@@ -10,6 +10,7 @@ import numpy as np
 
 from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.coverage.nearest import remaining_weight
+from mpc_cover.model.look_instants import inter_sample
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 from mpc_cover.planning.ocp import OCP
@@ -113,7 +114,8 @@ class Task:
         if self.looks is not None:
             sufficient = look_counts(plan.position, self.cell, self.fleet.radius) >= self.looks
             return np.where(sufficient, 0.0, self.weight)
-        return remaining_weight(plan.position, self.cell, self.fleet.radius, self.weight)
+        between = inter_sample(plan, self.fleet.look_instants)
+        return remaining_weight(plan.position, self.cell, self.fleet.radius, self.weight, between)
 
     def flown(self, guess: Guess, steps: int | None) -> Trajectory:
         """Return the motion of a guess from the initial state, or from its first waypoints if that is free.

@@ -10,7 +10,7 @@ import numpy as np
 from mpc_cover.verification.connectivity import bottleneck
 from mpc_cover.verification.losses import losses_of
 from mpc_cover.verification.path import Path
-from mpc_cover.verification.summary import floor_percent, swath_bound, time_to_cover
+from mpc_cover.verification.summary import floor_percent, look_interval, swath_bound, time_to_cover
 from mpc_cover.view.style import GOOD, INK, LIMIT, QUIET, agent_style, draw_limit, outlined
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def draw_coverage(axes: Axes, trajectory: Recording) -> None:
     box = {"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 3.0}
     height, side = (0.06, "bottom") if 2 * covered.size > cells else (0.82, "top")
     axes.text(0.985, height, "\n".join(lines), transform=axes.transAxes, ha="right", va=side, bbox=box, fontsize=9.5)
-    if (bound := swath_bound(trajectory.mission)) is not None and bound <= end:
+    if (bound := swath_bound(trajectory.mission, look_interval(trajectory))) is not None and bound <= end:
         axes.axvline(bound, color=QUIET, linewidth=1.2, linestyle=(0, (6, 2)))
         axes.annotate(
             f"swath bound\n{bound:.1f} s",
