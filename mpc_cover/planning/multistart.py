@@ -13,6 +13,7 @@ from mpc_cover.planning.basin_hopping import basin_hopping, reweighted
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, candidate_of
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
+from mpc_cover.planning.initial_guess.cruise import at_cruise
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
 from mpc_cover.planning.initial_guess.tour import Tour
 from mpc_cover.planning.scp import REFINEMENT_REGION, SHARPNESS, evaluate, length_scale, optimise
@@ -190,7 +191,8 @@ def systematic_guesses(task: Task) -> list[Guess]:
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
     makers: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
-    return sorted((guess for maker in makers for guess in maker.guesses(task)), key=_kind_rank)
+    guesses = (guess for maker in makers for guess in maker.guesses(task))
+    return sorted(at_cruise(task, guesses), key=_kind_rank)
 
 
 def _kind_rank(guess: Guess) -> int:

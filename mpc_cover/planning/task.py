@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -132,11 +132,14 @@ class Task:
             home = position if self.goal is None else self.goal
             paths = [np.concatenate([path, goal[None]]) for path, goal in zip(paths, home, strict=True)]
         stop = self.end is not End.FREE
+        fleet = self.fleet
+        if guess.cruise is not None:
+            fleet = replace(fleet, speed_max=np.minimum(fleet.speed_max, guess.cruise))
         return track_waypoints(
             paths,
             position,
             self.velocity,
-            self.fleet,
+            fleet,
             self.period,
             start_time=self.start_time,
             steps=steps,
