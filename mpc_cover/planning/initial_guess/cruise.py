@@ -1,8 +1,8 @@
 """The speed at which a sweep is flown: slow enough for its turns and for its looks, as fast as these allow.
 
 An agent at speed v turns within v^2 / (2 u_max) and changes its input once a step. Where that is much more than a
-sensing radius, a sweep at full speed cuts its corners and leaves what lies in them; a slower one covers more and may take
-longer. Sampled sensors that pass faster than two radii a look leave gaps in any lane.
+sensing radius, a sweep at full speed cuts its corners and leaves what lies in them; a slower one covers more and may
+take longer. Sampled sensors that pass faster than two radii a look leave gaps in any lane.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from mpc_cover.planning.task import Task
 
 _WIDE_TURN, _NARROW_TURN = 1.0, 0.3
-"""Distances to stop, in sensing radii: beyond the first, turns are too wide for sweeps at full speed; with the second, at
-the slowest speed that is tried, they fit. Plain choices."""
+"""Distances to stop, in sensing radii: beyond the first, turns are too wide for sweeps at full speed; with the second, at the
+slowest speed that is tried, they fit. Plain choices."""
 _LONG_STEP, _SHORT_STEP = 2.0, 0.7
 """Lengths of a step, in sensing radii, likewise."""
 _LOOK_STEP = 1.4
