@@ -63,10 +63,20 @@ class PlanningConstraints:
         """The constraints to plan with."""
         return self.bounds.planned
 
+    def in_steps(self, fleet: FleetConstraints) -> FleetConstraints:
+        """Return the same constraints for plans whose samples are a step of plans apart instead of a period."""
+        control = self._given.spec.control
+        if control.substeps == 1:
+            return fleet
+        # reactions shorter than a step have no samples of their own: they count as a step
+        reaction = max(fleet.reaction_periods / control.substeps, 1.0) if fleet.reaction_periods else 0.0
+        instants = looks_in_flight(self._given, control.plan_step)
+        return replace(fleet, reaction_periods=reaction, look_instants=instants)
+
     @property
     def horizon(self) -> int:
-        """Length of the horizon [samples]."""
-        return self._given.spec.control.horizon_steps
+        """Length of the horizon [periods]."""
+        return self._given.spec.control.horizon_periods
 
     @property
     def range_infeasible(self) -> bool:
@@ -99,7 +109,7 @@ class PlanningConstraints:
         """Return the motion in which all agents brake at their input limits."""
         control = self._given.spec.control
         return braking_trajectory(
-            state.position, state.velocity, self.fleet, state.time, control.period_s, control.horizon_steps
+            state.position, state.velocity, self.fleet, state.time, control.period_s, control.horizon_periods
         )
 
     def keeps(self, plan: Trajectory, state: FleetState) -> bool:

@@ -73,6 +73,7 @@ class RecedingHorizon:
     ) -> None:
         self.seed = seed
         self._field, self._period = mission.field, mission.spec.control.period_s
+        self._substeps = mission.spec.control.substeps
         self._planning_s = mission.spec.control.planning_time_s
         self._constraints = PlanningConstraints(mission)
         planner = planner or Planner(backend)
@@ -217,7 +218,7 @@ class RecedingHorizon:
         """Return whether a mission plan has covered its demand, or is about to end, while more is outstanding."""
         if coverage.endless:
             return not coverage.demand(state.time, state.position).gamma.any()
-        if plan.steps > _LAST_STEPS:
+        if plan.steps > _LAST_STEPS * self._substeps:
             return False
         _, looks = self._allocation.left(coverage, state, plan.position, self._constraints.planned.radius)
         left = self._left_by(plan, state, coverage)

@@ -55,7 +55,7 @@ class SafetyFilter:
         control = self._control
         known = [] if incumbent is None else [incumbent.remainder(state.time, state.position, state.velocity)]
         stop = braking_trajectory(
-            state.position, state.velocity, fleet, state.time, control.period_s, control.horizon_steps
+            state.position, state.velocity, fleet, state.time, control.period_s, control.horizon_periods
         )
         fallbacks = [path_among(motion, state) for motion in (*known, stop)]
         bounds = attainable_bounds(fleet, fallbacks, state.actual)

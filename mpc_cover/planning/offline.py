@@ -96,13 +96,13 @@ def offline_task(mission: Mission) -> Task:
     end = End(planning.end)
     goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if end is End.FIXED else None
     return Task(
-        FleetConstraints.of(fleet, look_instants=looks_of_plans(mission, mission.spec.control.period_s)),
+        FleetConstraints.of(fleet, look_instants=looks_of_plans(mission, mission.spec.control.plan_step)),
         mission.field.cell,
         demand.gamma * mission.field.weight,
         fleet.start,
         np.zeros_like(fleet.start),
         0.0,
-        mission.spec.control.period_s,
+        mission.spec.control.plan_step,
         start_free=planning.start == "free",
         end=end,
         goal=goal,
@@ -122,7 +122,7 @@ def _notifier(period: float, on_progress: Callable[[str], None] | None) -> Calla
 
 
 def _recording(mission: Mission, options: PlanOptions, found: Candidate) -> Recording:
-    plan = found.plan
+    plan = found.plan.subdivided(mission.spec.control.substeps)  # looks count once a period
     return Recording(
         time=plan.time,
         position=plan.position,

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from mpc_cover.planning.task import Task
 
 _WIDE_TURN, _NARROW_TURN = 1.0, 0.3
-"""Distances to stop, in sensing radii: beyond the first, turns are too wide for sweeps at full speed; with the second, at the
-slowest speed that is tried, they fit. Plain choices."""
+"""Distances to stop, in sensing radii: beyond the first, turns are too wide for sweeps at full speed; with the second,
+at the slowest speed that is tried, they fit. Plain choices."""
 _LONG_STEP, _SHORT_STEP = 2.0, 0.7
 """Lengths of a step, in sensing radii, likewise."""
 _LOOK_STEP = 1.4

@@ -121,11 +121,11 @@ class ControlStep:
         self._log(StepKind.STEP, state, proposal, computing_s, took_s, missed=late or budget.left_s < 0.0)
 
     def _late(self, tick: int) -> bool:
-        """Return whether agents, which read their messages once a state period, may find a plan after its start.
+        """Return whether agents, which read their messages every `inbox_s`, may find a plan after its start.
 
         They would reject it, not being in its start state by then, and all plans that assume that they fly it.
         """
-        found_s = self._clock.now() + self._control.state_period_s
+        found_s = self._clock.now() + self._control.inbox_s
         return found_s > self._mission_clock.grid(tick + 1) + SNAP_S
 
     def _publish(self, proposal: Proposal, state: FleetState, supervisor: FleetSupervisor) -> bool:
