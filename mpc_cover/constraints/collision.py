@@ -10,11 +10,24 @@ from mpc_cover.constraints.pairs import PairDistances, elastic_pair_rows
 from mpc_cover.model.tolerances import DIVISOR_MIN, NO_DIRECTION
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.constraints.rows import Layout, Rows
 
 _NO_MIDDLE = 1e-6
 """Below this [m] the mean of a pair's differences gives no direction, as when agents swap places; a plain choice."""
+
+
+def separating_normals(layout: Layout, pairs: PairDistances, near: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return (rows,) intervals and pairs that come within `near` (pairs,) [m], and normals (rows, d) between them."""
+    middle = pairs.difference[:-1] + pairs.difference[1:]
+    length = np.linalg.norm(middle, axis=2)
+    interval, pair = np.nonzero(pairs.least < near)
+    straight = length[interval, pair] > _NO_MIDDLE
+    ends = pairs.difference[interval + 1, pair]
+    direction = np.where(straight[:, None], middle[interval, pair], ends)
+    norm = np.linalg.norm(direction, axis=1, keepdims=True)
+    normal = np.where(norm > NO_DIRECTION, direction / np.maximum(norm, DIVISOR_MIN), np.eye(layout.dimension)[0])
+    return interval, pair, normal
 
 
 def collision_rows(
@@ -32,14 +45,7 @@ def collision_rows(
     reach : how much a distance can change within the trust region [m]; pairs farther apart need no row.
     first : the first sample that is not given.
     """
-    middle = pairs.difference[:-1] + pairs.difference[1:]
-    length = np.linalg.norm(middle, axis=2)
-    interval, pair = np.nonzero(pairs.least < required + between + reach)
-    straight = length[interval, pair] > _NO_MIDDLE
-    ends = pairs.difference[interval + 1, pair]
-    direction = np.where(straight[:, None], middle[interval, pair], ends)
-    norm = np.linalg.norm(direction, axis=1, keepdims=True)
-    normal = np.where(norm > NO_DIRECTION, direction / np.maximum(norm, DIVISOR_MIN), np.eye(layout.dimension)[0])
+    interval, pair, normal = separating_normals(layout, pairs, required + between + reach)
     sample = np.concatenate([interval, interval + 1])
     both_pair, both_normal = np.tile(pair, 2), np.tile(normal, (2, 1))
     free = sample >= first

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
@@ -50,7 +51,7 @@ class CandidateGenerator:
     def __init__(
         self, mission: Mission, constraints: PlanningConstraints, allocation: DemandAllocation, planner: Planner
     ) -> None:
-        self._cell, self._period = mission.field.cell, mission.spec.control.period_s
+        self._cell, self._control = mission.field.cell, mission.spec.control
         self._constraints, self._allocation, self._planner = constraints, allocation, planner
 
     def best(
@@ -81,7 +82,7 @@ class CandidateGenerator:
         weight, looks = self._allocation.left(coverage, state, plan.position[:1], constraints.planned.radius)
         if looks is not None:
             return None
-        task = Task(constraints.planned, self._cell, weight * constraints.reachable, *here, self._period)
+        task = Task(constraints.planned, self._cell, weight * constraints.reachable, *here, self._control.period_s)
         longer = self._planner.extended(task, plan, budget).plan
         if longer.steps == plan.steps or not constraints.keeps(longer, state):
             return None
@@ -101,13 +102,21 @@ class CandidateGenerator:
 
     def _best_verified(self, found: Iterable[Candidate], state: FleetState) -> Candidate | None:
         verified = (one for one in found if one.feasible and self._constraints.keeps(one.plan, state))
-        return min(verified, key=lambda candidate: candidate.rank, default=None)
+        best = min(verified, key=lambda candidate: candidate.rank, default=None)
+        if best is None or self._control.substeps == 1:
+            return best
+        return replace(best, plan=self._on_grid(best.plan))
+
+    def _on_grid(self, plan: Trajectory) -> Trajectory:
+        """Return a plan with a sample each period, as it is flown."""
+        fine = plan.subdivided(self._control.substeps)
+        return replace(fine, period=self._control.period_s)
 
     def _task(self, state: FleetState, coverage: DemandMap, *, single_pass: bool = False) -> Task:
         weight, looks = self._allocation.next(coverage, state, single_pass=single_pass)
         here = (state.position, state.velocity, state.time)
-        fleet, demand = self._constraints.planned, weight * self._constraints.reachable
-        return Task(fleet, self._cell, demand, *here, self._period, looks=looks)
+        fleet, demand = self._constraints.in_steps(self._constraints.planned), weight * self._constraints.reachable
+        return Task(fleet, self._cell, demand, *here, self._control.plan_step, looks=looks)
 
 
 def _repaired(task: Task, former: Trajectory, budget: Budget) -> Candidate:

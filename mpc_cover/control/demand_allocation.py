@@ -7,14 +7,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.coverage.nearest import remaining_weight
+from mpc_cover.model.look_instants import inter_sample
 from mpc_cover.model.sensing import look_counts
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.task import LOOKS_PER_LAP, needs_laps
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.information.demand import DemandMap
     from mpc_cover.mission.field import Field
+    from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.model.fleet_state import FleetState
+    from mpc_cover.model.look_instants import InterSample
 
 _LOOKS_PER_PASS = 2
 """Looks at a cell that one mission plan has to take if more plans must follow: about as many as a pass takes."""
@@ -31,6 +35,26 @@ class DemandAllocation:
     def __init__(self, field: Field) -> None:
         self._field = field
         self._deferred: IntArray | None = None
+        self._under_way: tuple[Trajectory, FloatArray, InterSample] | None = None
+
+    def update(self, state: FleetState, incumbent: Trajectory | None, fleet: FleetConstraints, period: float) -> None:
+        """Note what is measured in the period before a predicted state, which the map does not know yet.
+
+        A plan from that state on does not owe it. Where looks are at samples alone, there are none in between.
+        """
+        self._under_way = None
+        if incumbent is None or fleet.look_instants.only_samples:
+            return
+        position, velocity = incumbent.at(np.array([state.time - period, state.time]))
+        passing = Trajectory.even(0.0, period, position, velocity, np.diff(velocity, axis=0) / period)
+        if (between := inter_sample(passing, fleet.look_instants)) is not None:
+            self._under_way = passing, fleet.radius, between
+
+    def _not_under_way(self, weight: FloatArray) -> FloatArray:
+        if self._under_way is None:
+            return weight
+        passing, radius, between = self._under_way
+        return remaining_weight(passing.position, self._field.cell, radius, weight, between)
 
     @property
     def more(self) -> bool:
@@ -50,22 +74,29 @@ class DemandAllocation:
         weight = demand.gamma * self._field.weight
         if demand.looks is None or single_pass:
             self._deferred = None
-            return weight, demand.looks
+            return (self._not_under_way(weight) if demand.looks is None else weight), demand.looks
         most = _LOOKS_PER_PASS if needs_laps(demand.looks) else LOOKS_PER_LAP
         self._deferred = np.maximum(demand.looks - most, 0)
         return weight, np.minimum(demand.looks, most)
 
     def left(
-        self, coverage: DemandMap, state: FleetState, later: FloatArray, radius: FloatArray
+        self,
+        coverage: DemandMap,
+        state: FleetState,
+        later: FloatArray,
+        radius: FloatArray,
+        between: InterSample | None = None,
     ) -> tuple[FloatArray, IntArray | None]:
         """Return weights and looks (J, K) allocated to the present mission plan that `later` samples do not take.
 
-        `later` is positions (n, m, d) [m] of its samples, `radius` (m, J) [m] of the fleet.
+        `later` is positions (n, m, d) [m] of its samples, `radius` (m, J) [m] of the fleet, `between` what
+        counts between those samples.
         """
         demand = coverage.demand(state.time, state.position)
         weight = demand.gamma * self._field.weight
         if demand.looks is None:
-            return remaining_weight(later, self._field.cell, radius, weight), None
+            weight = self._not_under_way(weight)
+            return remaining_weight(later, self._field.cell, radius, weight, between), None
         deferred = 0 if self._deferred is None else self._deferred
         looks = np.maximum(demand.looks - deferred - look_counts(later, self._field.cell, radius), 0)
         return np.where(looks > 0, weight, 0.0), looks

@@ -34,11 +34,13 @@ def horizon_ocp(
     demand: tuple[FloatArray, IntArray | None],
     segment: int,
     steps: int,
+    period: float | None = None,
 ) -> OCP:
     """Return the OCP whose solution replaces the first `segment` samples of the mission plan by `steps` samples.
 
     Its terminal state is that of the mission plan after the segment; at the end of the plan only the velocity is given.
     `demand` is the weights and looks (J, K) allocated to the segment on `cell` (K, d) [m]; looks None for one each.
+    The `period` [s] of its samples is that of the plan, unless it is given.
     """
     last = segment == plan.steps
     ends = BoundaryConditions(
@@ -48,7 +50,7 @@ def horizon_ocp(
         end_velocity=plan.velocity[segment],
     )
     weight, looks = demand
-    return OCP(fleet, cell, weight, steps, plan.period, ends, looks)
+    return OCP(fleet, cell, weight, steps, period or plan.period, ends, looks)
 
 
 def spliced(plan: Trajectory, velocity: FloatArray, segment: int) -> Trajectory:

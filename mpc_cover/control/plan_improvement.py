@@ -8,7 +8,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mpc_cover.control.horizon import horizon_ocp, optimised_steps, spliced
+from mpc_cover.model.look_instants import inter_sample
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.planning.segment_refinement import resampled
 
@@ -19,7 +23,6 @@ if TYPE_CHECKING:
     from mpc_cover.information.demand import DemandMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
-    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.planner import Planner
 
@@ -45,6 +48,7 @@ class PlanImprovement:
         self, mission: Mission, constraints: PlanningConstraints, allocation: DemandAllocation, planner: Planner
     ) -> None:
         self._cell, self._period = mission.field.cell, mission.spec.control.period_s
+        self._substeps = mission.spec.control.substeps
         self._constraints, self._allocation, self._planner = constraints, allocation, planner
 
     def improved(
@@ -54,22 +58,34 @@ class PlanImprovement:
 
         `plan` begins in `state`; `incumbent` is the trajectory that was sent last.
         """
-        fleet = self._constraints.planned
+        fleet, parts = self._constraints.planned, self._substeps
+        plan = _of_whole_steps(plan, parts)
         segment = optimised_steps(plan, fleet, self._constraints.horizon)
-        later = plan.position[segment + 1 :]
-        weight, looks = self._allocation.left(coverage, state, later, fleet.radius)
+        segment = max(segment // parts, 1) * parts
+        # unless the plan ends there, the segment's end is given: the rest of the plan takes what is passed from it on
+        rest = plan.slice(segment, plan.steps)
+        between = inter_sample(rest, fleet.look_instants) if rest.steps else None
+        later = plan.position[segment + (between is None) :]
+        weight, looks = self._allocation.left(coverage, state, later, fleet.radius, between)
         demand = weight * self._constraints.reachable, looks
         ocp = horizon_ocp(plan, fleet, self._cell, demand, segment, segment)
         x = ocp.decision(plan.position[0], plan.velocity[: segment + 1])
         now = self._planner.evaluate(ocp, x)
-        sooner = now.cost == 0.0 and now.braking_violation <= BRAKING_TOLERANCE and segment > _MIN_STEPS
-        if sooner:
-            ocp = horizon_ocp(plan, fleet, self._cell, demand, segment, segment - 1)
-            x = ocp.decision(plan.position[0], resampled(plan.velocity[: segment + 1], segment - 1))
+        steps = segment // parts
+        sooner = now.cost == 0.0 and now.braking_violation <= BRAKING_TOLERANCE and steps > _MIN_STEPS
+        if sooner or parts > 1:
+            steps -= sooner
+            coarse = self._constraints.in_steps(fleet)
+            ocp = horizon_ocp(plan, coarse, self._cell, demand, segment, steps, period=plan.period * parts)
+            x = ocp.decision(plan.position[0], resampled(plan.velocity[: segment + 1 : parts], steps))
+            x = ocp.exact_ends(x) if parts > 1 else x
         found = self._planner.polish(ocp, x, _MAX_QPS, budget.part(_BUDGET_SHARE))
         better = found.complete if sooner else found.merit < now.merit
         if found.feasible and better:
-            improved = spliced(plan, ocp.motion(found.x)[1], segment)
+            position, velocity = ocp.motion(found.x)
+            force = np.diff(velocity, axis=0) / ocp.period
+            motion = Trajectory.even(plan.start_time, ocp.period, position, velocity, force).subdivided(parts)
+            improved = spliced(plan, motion.velocity, segment)
             if self._is_safe(improved, plan, state, incumbent):
                 return improved, "a sample sooner" if sooner else "more coverage"
         return plan, "no sample sooner" if sooner else "no better"
@@ -89,3 +105,12 @@ class PlanImprovement:
             return None
         sample = round((state.time - self._period - incumbent.start_time) / self._period)
         return (incumbent.position[sample], incumbent.velocity[sample]) if 0 <= sample <= incumbent.steps else None
+
+
+def _of_whole_steps(plan: Trajectory, parts: int) -> Trajectory:
+    """Return a plan whose samples make whole steps of `parts` samples: it rests a little longer at its end."""
+    missing = -plan.steps % parts
+    if missing == 0:
+        return plan
+    rest = np.repeat(plan.velocity[-1:], missing, axis=0)
+    return spliced(plan, np.concatenate([plan.velocity, rest]), plan.steps)

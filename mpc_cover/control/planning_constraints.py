@@ -12,9 +12,12 @@ from mpc_cover.control.constraint_relaxation import attainable_bounds, strict_bo
 from mpc_cover.control.obstacle_trajectories import path_among
 from mpc_cover.control.reachability import reachable
 from mpc_cover.control.stopping import stopping_motions
+from mpc_cover.mission.config import Sensing
 from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.constraint_tightening import slowed, tightened, without_lost
 from mpc_cover.model.fleet_constraints import FleetConstraints
+from mpc_cover.model.look_instants import looks_in_flight
+from mpc_cover.model.motion import chord_deviation
 from mpc_cover.planning.initial_guess.rendezvous import out_of_range
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.verification.path import Path
@@ -49,7 +52,9 @@ class PlanningConstraints:
 
     def __init__(self, mission: Mission) -> None:
         self._given = mission
-        self._tight = FleetConstraints.of(tightened(mission), reaction_periods=_reaction(mission))
+        instants = looks_in_flight(mission, mission.spec.control.period_s)
+        fleet = replace(tightened(mission), radius=_planned_radius(mission))
+        self._tight = FleetConstraints.of(fleet, reaction_periods=_reaction(mission), look_instants=instants)
         self._lost = np.zeros(mission.fleet.size, dtype=bool)
         self._share = np.ones(mission.fleet.size)
         self.fleet = self._with_range_reserve(self._tight)
@@ -61,10 +66,20 @@ class PlanningConstraints:
         """The constraints to plan with."""
         return self.bounds.planned
 
+    def in_steps(self, fleet: FleetConstraints) -> FleetConstraints:
+        """Return the same constraints for plans whose samples are a step of plans apart instead of a period."""
+        control = self._given.spec.control
+        if control.substeps == 1:
+            return fleet
+        # reactions shorter than a step have no samples of their own: they count as a step
+        reaction = max(fleet.reaction_periods / control.substeps, 1.0) if fleet.reaction_periods else 0.0
+        instants = looks_in_flight(self._given, control.plan_step)
+        return replace(fleet, reaction_periods=reaction, look_instants=instants)
+
     @property
     def horizon(self) -> int:
-        """Length of the horizon [samples]."""
-        return self._given.spec.control.horizon_steps
+        """Length of the horizon [periods]."""
+        return self._given.spec.control.horizon_periods
 
     @property
     def range_infeasible(self) -> bool:
@@ -97,13 +112,13 @@ class PlanningConstraints:
         """Return the motion in which all agents brake at their input limits."""
         control = self._given.spec.control
         return braking_trajectory(
-            state.position, state.velocity, self.fleet, state.time, control.period_s, control.horizon_steps
+            state.position, state.velocity, self.fleet, state.time, control.period_s, control.horizon_periods
         )
 
     def stopping_motions(self, state: FleetState, incumbent: Trajectory | None) -> Iterator[Trajectory]:
         """Yield motions to rest, the earliest first: braking at once, then along the plan in force."""
         control = self._given.spec.control
-        return stopping_motions(state, incumbent, self.fleet, control.period_s, control.horizon_steps)
+        return stopping_motions(state, incumbent, self.fleet, control.period_s, control.horizon_periods)
 
     def keeps(self, plan: Trajectory, state: FleetState) -> bool:
         """Return whether the verifier accepts a plan from a state."""
@@ -148,6 +163,18 @@ class PlanningConstraints:
         unseen_s = fleet.reaction_periods * self._given.spec.control.period_s
         reach = fleet.communication_range
         return replace(fleet, communication_range=max(reach - behind * unseen_s, _RANGE_SHARE_MIN * reach))
+
+
+def _planned_radius(mission: Mission) -> FloatArray:
+    """Return the sensing radii (m, J) [m] of plans; of continuous sensing less than the tightened ones by two chords.
+
+    The map marks what chords between reports pass, within the radius less what paths may leave them by.
+    """
+    radius = tightened(mission).radius
+    if mission.spec.sensing is not Sensing.CONTINUOUS:
+        return radius
+    margin = 2.0 * chord_deviation(mission.fleet.input_max, mission.spec.control.state_period_s)[:, None]
+    return np.asarray(np.where(radius > margin, radius - margin, radius))
 
 
 def _reaction(mission: Mission) -> float:

@@ -20,6 +20,8 @@ from mpc_cover.control.plan_improvement import PlanImprovement
 from mpc_cover.control.planning_constraints import PlanningConstraints
 from mpc_cover.control.recovery import Mode, ReplanHistory, Situation, next_mode, stays_at
 from mpc_cover.control.work_estimate import work_bound
+from mpc_cover.model.look_instants import inter_sample
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.initial_guess.rendezvous import Rendezvous, out_of_range
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
     from mpc_cover.information.demand import DemandMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
-    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.candidate import Candidate
 
@@ -75,6 +76,7 @@ class RecedingHorizon:
     ) -> None:
         self.seed = seed
         self._field, self._period = mission.field, mission.spec.control.period_s
+        self._substeps = mission.spec.control.substeps
         self._planning_s = mission.spec.control.planning_time_s
         self._constraints = PlanningConstraints(mission)
         planner = planner or Planner(backend)
@@ -104,6 +106,8 @@ class RecedingHorizon:
         """
         if self._constraints.update(state, self._incumbent):  # earlier plans are for another fleet
             self._law_state = replace(self._law_state, plan=None, former=self._law_state.plan or self._law_state.former)
+        underway = None if state.settled else self._incumbent
+        self._allocation.update(state, underway, self._constraints.planned, self._period)
         if state.settled:
             budget = budget.extended((self._law_state.history.time_factor - 1.0) * self._planning_s)
         proposal, law = self._decide(state, coverage, budget)
@@ -211,8 +215,8 @@ class RecedingHorizon:
         """Return whether a plan leaves most of the demand, so that a longer search is worth while."""
         if best.covers or coverage.endless:
             return False
-        demand = self._left_by(state.position[None], state, coverage)
-        return law.history.is_poor(self._left_by(best.plan.position, state, coverage), demand)
+        demand = self._left_by(self._resting(state), state, coverage)
+        return law.history.is_poor(self._left_by(best.plan, state, coverage), demand)
 
     def _is_slow(self, best: Candidate, law: _LawState, state: FleetState, coverage: DemandMap) -> bool:
         """Return whether a plan for a changed fleet takes longer than to stop and to plan thoroughly would.
@@ -237,8 +241,8 @@ class RecedingHorizon:
         """Return whether a fleet at rest has found no plan that moves it in time, though demand is outstanding."""
         here, plan = state.position, law.plan
         in_time = budget.left_s > -self._period
-        later = plan.position if plan is not None and in_time else here[None]
-        if state.velocity.any() or not stays_at(later, here):
+        later = plan if plan is not None and in_time else self._resting(state)
+        if state.velocity.any() or not stays_at(later.position, here):
             return False
         return bool((self._left_by(later, state, coverage) > 0.0).any())
 
@@ -246,10 +250,10 @@ class RecedingHorizon:
         """Return whether a mission plan has covered its demand, or is about to end, while more is outstanding."""
         if coverage.endless:
             return not coverage.demand(state.time, state.position).gamma.any()
-        if plan.steps > _LAST_STEPS:
+        if plan.steps > _LAST_STEPS * self._substeps:
             return False
         _, looks = self._allocation.left(coverage, state, plan.position, self._constraints.planned.radius)
-        left = self._left_by(plan.position, state, coverage)
+        left = self._left_by(plan, state, coverage)
         return self._allocation.more or (looks is not None and bool((left > 0.0).any()))
 
     def _extended(self, plan: Trajectory, state: FleetState, coverage: DemandMap, budget: Budget) -> Trajectory | None:
@@ -259,7 +263,7 @@ class RecedingHorizon:
         """
         if coverage.endless or plan.steps > self._constraints.horizon:
             return None
-        if not (self._left_by(plan.position, state, coverage) > 0.0).any():
+        if not (self._left_by(plan, state, coverage) > 0.0).any():
             return None
         return self._candidates.extended(plan, state, coverage, budget)
 
@@ -273,9 +277,15 @@ class RecedingHorizon:
         rest = state.trajectory(plan.velocity[done + 1 :], self._period)
         return rest if self._constraints.keeps(rest, state) else None
 
-    def _left_by(self, later: FloatArray, state: FleetState, coverage: DemandMap) -> FloatArray:
-        """Return the weights (J, K) of the allocated demand that `later` positions (n, m, d) [m] do not cover."""
-        weight, _ = self._allocation.left(coverage, state, later, self._constraints.planned.radius)
+    def _resting(self, state: FleetState) -> Trajectory:
+        """Return the motion that stays where the fleet is, of one sample."""
+        return Trajectory.at_rest(state.position, state.time, self._period, 0)
+
+    def _left_by(self, later: Trajectory, state: FleetState, coverage: DemandMap) -> FloatArray:
+        """Return the weights (J, K) of the allocated demand that a later motion does not cover."""
+        fleet = self._constraints.planned
+        between = inter_sample(later, fleet.look_instants)
+        weight, _ = self._allocation.left(coverage, state, later.position, fleet.radius, between)
         return weight * self._constraints.reachable
 
 

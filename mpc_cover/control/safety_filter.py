@@ -63,7 +63,7 @@ class SafetyFilter:
         """
         control, fleet = self._control, without_lost(self._fleet, state.lost)
         motions = stopping_motions(
-            state, incumbent if on_sample else None, fleet, control.period_s, control.horizon_steps
+            state, incumbent if on_sample else None, fleet, control.period_s, control.horizon_periods
         )
         bounds = self._bounds(state, incumbent) if on_sample else strict_bounds(fleet)
         return next((motion for motion in motions if bounds.keeps(path_among(motion, state), state.actual)), None)
@@ -73,7 +73,7 @@ class SafetyFilter:
         control, fleet = self._control, without_lost(self._fleet, state.lost)
         known = [] if incumbent is None else [incumbent.remainder(state.time, state.position, state.velocity)]
         stop = braking_trajectory(
-            state.position, state.velocity, fleet, state.time, control.period_s, control.horizon_steps
+            state.position, state.velocity, fleet, state.time, control.period_s, control.horizon_periods
         )
         return attainable_bounds(fleet, [path_among(motion, state) for motion in (*known, stop)], state.actual)
 

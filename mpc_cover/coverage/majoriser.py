@@ -19,6 +19,7 @@ from mpc_cover.model.tolerances import NO_DIRECTION
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.coverage.nearest import Nearest
+    from mpc_cover.model.look_instants import InterSample
 
 _CURVATURE_DISTANCE_MIN = 0.3
 """Least distance in the curvature 1/d, which has a pole at 0 [m]; a plain choice."""
@@ -57,12 +58,13 @@ def soft_cost(
     weight: FloatArray,
     softness: Softness,
     looks: IntArray | None = None,
+    between: InterSample | None = None,
 ) -> float:
     """Return J_beta = sum gamma pos(softmin_beta(e) + margin) [m], which a majorise-minimise step decreases.
 
     `position` is (N+1, m, d) [m]; further arguments as in `nearest.nearest_samples`.
     """
-    nearest = nearest_samples(position, cell, radius, weight, softness.count, looks)
+    nearest = nearest_samples(position, cell, radius, weight, softness.count, looks, between)
     value, _ = soft_minimum(nearest.excess, softness.beta)
     return float(nearest.weight @ np.maximum(value + softness.margin, 0.0))
 
@@ -70,6 +72,9 @@ def soft_cost(
 @dataclass(frozen=True, eq=False)
 class Majoriser:
     """The majoriser around one motion: R terms gamma pos(level + sum_n slope_n . (q_n - qbar_n) + curvature).
+
+    Where looks count between samples, q_n stands for the point q_n + a v_n + b v_(n+1) of the interval, at the part
+    of it that is nearest to the cell at the motion: the nearest of any motion is no farther.
 
     Attributes
     ----------
@@ -79,6 +84,8 @@ class Majoriser:
     slope : (R, M, d) w_n (qbar_n - p) / ||qbar_n - p||.
     share : (R, M) w, the gradient of the soft minimum; rows sum to 1.
     cost : sum gamma pos(level), the value at the motion [m].
+    blend : (a, b) [s], (R, M) each; None where all points are samples.
+    bow : (R, M) s (1 - s), by which u T_s^2 moves a point off the chord of its interval; None likewise.
     """
 
     level: FloatArray
@@ -89,12 +96,18 @@ class Majoriser:
     cost: float
     _direction: FloatArray
     _distance: FloatArray
+    blend: tuple[FloatArray, FloatArray] | None = None
+    bow: FloatArray | None = None
 
-    def curvature(self, term: BoolArray, samples: int) -> FloatArray:
-        """Return (samples, d, d) [1/m]: sum over the selected terms of gamma w (I - r r') / d  (W_k of Appendix A)."""
+    def curvature(self, term: BoolArray, samples: int, factor: FloatArray | None = None) -> FloatArray:
+        """Return (samples, d, d) [1/m]: sum over the selected terms of gamma w (I - r r') / d  (W_k of Appendix A).
+
+        Each is multiplied by its `factor` (R, M), if that is given.
+        """
         dimension = self.slope.shape[2]
         blocks = np.zeros((samples, dimension, dimension))
         scale = (self.weight[term, None] * self.share[term]) / np.maximum(self._distance[term], _CURVATURE_DISTANCE_MIN)
+        scale = scale if factor is None else scale * factor[term]
         direction = self._direction[term]
         index = self.sample[term].ravel()
         for a in range(dimension):
@@ -104,9 +117,16 @@ class Majoriser:
                 blocks[:, b, a] = blocks[:, a, b]
         return blocks
 
-    def gradient(self, term: BoolArray, samples: int) -> FloatArray:
-        """Return (samples, d): sum over the selected terms of gamma * slope."""
+    def across(self, term: int, nth: int) -> FloatArray:
+        """Return (d, d) [m^-1/2], whose square is w (I - r r') / d of one point of a term."""
+        direction = self._direction[term, nth]
+        scale = self.share[term, nth] / max(float(self._distance[term, nth]), _CURVATURE_DISTANCE_MIN)
+        return np.asarray(np.sqrt(scale) * (np.eye(direction.size) - np.outer(direction, direction)))
+
+    def gradient(self, term: BoolArray, samples: int, factor: FloatArray | None = None) -> FloatArray:
+        """Return (samples, d): sum over the selected terms of gamma * slope, times their `factor` (R, M) if given."""
         weighted = self.weight[term, None, None] * self.slope[term]
+        weighted = weighted if factor is None else weighted * factor[term][:, :, None]
         index = self.sample[term].ravel()
         columns = [np.bincount(index, weighted[:, :, a].ravel(), samples) for a in range(weighted.shape[2])]
         return np.stack(columns, axis=1)
@@ -119,11 +139,17 @@ def build_majoriser(
     weight: FloatArray,
     softness: Softness,
     looks: IntArray | None = None,
+    between: InterSample | None = None,
 ) -> Majoriser:
     """Return the majoriser of J_beta around a motion (N+1, m, d) [m]; arguments as in `soft_cost`."""
-    nearest = nearest_samples(position, cell, radius, weight, softness.count, looks)
+    nearest = nearest_samples(position, cell, radius, weight, softness.count, looks, between)
     value, share = soft_minimum(nearest.excess, softness.beta)
-    direction = _directions(position.reshape(-1, position.shape[2]), cell, nearest)
+    blend = None if between is None or nearest.part is None else between.blend(nearest.part)
+    points = position.reshape(-1, position.shape[2])[nearest.sample]
+    if between is not None and blend is not None:
+        before, after = between.flat()
+        points = points + blend[0][..., None] * before[nearest.sample] + blend[1][..., None] * after[nearest.sample]
+    direction = _directions(points, cell, nearest)
     level = value + softness.margin
     return Majoriser(
         level=level,
@@ -134,10 +160,12 @@ def build_majoriser(
         share=share,
         _direction=direction,
         _distance=nearest.distance,
+        blend=blend,
+        bow=None if nearest.part is None else nearest.part * (1.0 - nearest.part),
     )
 
 
 def _directions(points: FloatArray, cell: FloatArray, nearest: Nearest) -> FloatArray:
-    """Return (R, M, d) unit vectors from cells to samples; zero, a valid subgradient, where they coincide."""
-    difference = points[nearest.sample] - cell[nearest.cell][:, None, :]
+    """Return (R, M, d) unit vectors from cells to (R, M, d) points; zero, a valid subgradient, where they coincide."""
+    difference = points - cell[nearest.cell][:, None, :]
     return np.asarray(difference / np.maximum(nearest.distance, NO_DIRECTION)[:, :, None])

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.information.demand import Demand, checked
+from mpc_cover.information.passes import Passes
 from mpc_cover.information.visibility import Visibility
+from mpc_cover.mission.config import Sensing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,14 +34,18 @@ class CoverageMap:
         radius = mission.fleet.radius - noise_m if noise_m else mission.fleet.radius
         self._visibility = Visibility(mission.field, radius)
         self.first: FloatArray = np.full(self._visibility.shape, np.inf)
+        self._passes = Passes(mission, radius) if mission.spec.sensing is Sensing.CONTINUOUS else None
 
     def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
         """Mark what a fleet at (m, d) positions [m] measures at a mission time [s]; NaN rows measure nothing.
 
-        Of agents that measure at different times (m,) the latest counts.
+        Of agents that measure at different times (m,) the latest counts. Continuous sensors measured on the way, too.
         """
         first, seen = self.first.reshape(-1), self._visibility.looks(0.0, position).place
         first[seen] = np.minimum(first[seen], np.max(time_s))
+        if self._passes is not None:
+            for magnitude, cells, when_s in self._passes.advance(time_s, position, self.owed):
+                self.first[magnitude, cells] = np.minimum(self.first[magnitude, cells], when_s)
 
     def demand(self, time_s: float, position: FloatArray) -> Demand:  # noqa: ARG002 - as all maps
         """Return what a plan has to cover: everything owed."""

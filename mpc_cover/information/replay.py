@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.information.build import make_map
-from mpc_cover.model.sensing import covered_at
+from mpc_cover.mission.config import Sensing
+from mpc_cover.model.sensing import covered_at, passed_at
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -23,8 +24,15 @@ def replayed(mission: Mission, time: FloatArray, position: FloatArray) -> FlownM
     return seen
 
 
-def measured_at(mission: Mission, time: FloatArray, position: FloatArray) -> FloatArray:
-    """Return (K,) [s]: the first of the (T,) times by which nothing was owed any more on each cell; inf where never."""
+def measured_at(
+    mission: Mission, time: FloatArray, position: FloatArray, velocity: FloatArray | None = None
+) -> FloatArray:
+    """Return (K,) [s]: the first of the (T,) times by which nothing was owed any more on each cell; inf where never.
+
+    Continuous sensing measures between them, too, if `velocity` (T, m, d) [m/s] is given; inputs are constant there.
+    """
+    if not mission.spec.looks_again and mission.spec.sensing is Sensing.CONTINUOUS and velocity is not None:
+        return passed_at(time, position, velocity, mission.field.cell, mission.fleet.radius)
     if not mission.spec.looks_again:
         return covered_at(time, position, mission.field.cell, mission.fleet.radius)
     return np.asarray(replayed(mission, time, position).covered_at)

@@ -33,6 +33,15 @@ class Dynamics(StrEnum):
     """Single integrators (5.1), whose u_max is `speed_max_m_per_s`: these fly by the potential law only."""
 
 
+class Sensing(StrEnum):
+    """When sensors look."""
+
+    SAMPLED = "sampled"
+    """At instants: plans count on their samples (4.34), agents look whenever they report."""
+    CONTINUOUS = "continuous"
+    """All the time: whatever the path passes within the sensing radius is measured."""
+
+
 class PlanStart(StrEnum):
     """How offline plans start."""
 
@@ -170,6 +179,33 @@ class Control(Model):
     """Mission time after which the controller gives up and reports a failure."""
     state_period_s: Positive = 0.1
     """How often agents measure and report."""
+    plan_step_s: Positive | None = None
+    """Time between the samples of plans, a multiple of the period; default: the period."""
+
+    @property
+    def plan_step(self) -> float:
+        """Time between the samples of plans [s]."""
+        return self.period_s * self.substeps
+
+    @property
+    def substeps(self) -> int:
+        """Periods of control in a step of plans."""
+        return 1 if self.plan_step_s is None else max(1, round(self.plan_step_s / self.period_s))
+
+    @property
+    def inbox_s(self) -> float:
+        """How often agents read their plans [s]: as they report, or so often that plans made in time come in time."""
+        return min(self.state_period_s, 0.5 * (1.0 - self.deadline_fraction) * self.period_s)
+
+    @property
+    def horizon_periods(self) -> int:
+        """Length of the horizon in periods of control."""
+        return self.horizon_steps * self.substeps
+
+    @property
+    def horizon_s(self) -> float:
+        """Length of the horizon [s]."""
+        return self.horizon_periods * self.period_s
 
 
 class Planning(Model):
@@ -204,6 +240,8 @@ class MissionSpec(Model):
     fleet: FleetSpec
     magnitudes: Annotated[tuple[Name, ...], Field(min_length=1)] = ("coverage",)
     """The magnitudes to be measured everywhere (Xi of 4.1); radii may differ for each."""
+    sensing: Sensing = Sensing.SAMPLED
+    """When sensors look: at instants, or all the time."""
     information: Information | None = None
     """When a cell counts as measured (5.2.1); left out, by one look, or by `area.looks`."""
     control: Control = Control()

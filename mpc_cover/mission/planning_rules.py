@@ -54,11 +54,12 @@ def topology_problems(spec: MissionSpec) -> Iterator[Problem]:
 
 def planning_problems(spec: MissionSpec) -> Iterator[Problem]:
     """Yield what is wrong with the duration and the ends of offline plans."""
-    planning, fleet, period = spec.planning, spec.fleet, spec.control.period_s
+    planning, fleet, period = spec.planning, spec.fleet, spec.control.plan_step
+    unit = "periods" if spec.control.substeps == 1 else "steps"
     if planning.duration_s < 2 * period:
-        yield Problem("planning.duration_s", planning.duration_s, f"must be at least two periods of {period} s")
+        yield Problem("planning.duration_s", planning.duration_s, f"must be at least two {unit} of {period:g} s")
     if planning.duration_s > MAX_PLAN_STEPS * period:
-        right = f"must be at most {MAX_PLAN_STEPS} periods of {period} s"
+        right = f"must be at most {MAX_PLAN_STEPS} {unit} of {period:g} s"
         yield Problem("planning.duration_s", planning.duration_s, right)
     if planning.end is not PlanEnd.FIXED:
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from mpc_cover.mission.config import AgentSpec, Area, MissionSpec
 
 MAX_CELLS = 200_000
+MAX_HORIZON_PERIODS = 2_000
+_RATIO_ROUNDING = 1e-9
+"""Part by which a ratio of times may be off in rounding."""
 
 
 def find_problems(spec: MissionSpec, *, area_known: bool = True) -> list[Problem]:
@@ -164,11 +168,48 @@ def _control_problems(spec: MissionSpec) -> Iterator[Problem]:
         limit = agent_input_max(spec, agent)
         if not isinstance(speed, float) or limit is None:
             continue
-        braking = int(np.ceil(speed / (limit * control.period_s) - 1e-9))
+        braking = int(np.ceil(speed / (limit * control.plan_step) - 1e-9))
         if control.horizon_steps < braking + 2:
             right = f"must be at least {braking + 2}: agent {index} brakes in {braking} steps"
             yield Problem("control.horizon_steps", control.horizon_steps, right)
             break
+    yield from _plan_step_problems(spec)
     if control.state_period_s > control.period_s:
         right = f"must be at most period_s {control.period_s}"
         yield Problem("control.state_period_s", control.state_period_s, right)
+
+
+def _plan_step_problems(spec: MissionSpec) -> Iterator[Problem]:
+    """Yield what is wrong with the step of plans beside the period of control."""
+    control, step_s = spec.control, spec.control.plan_step_s
+    if step_s is None:
+        return
+    where, period = "control.plan_step_s", control.period_s
+    ratio = step_s / period
+    if ratio < 1.0 - _RATIO_ROUNDING:
+        yield Problem(where, step_s, f"must be at least period_s {period}")
+    elif abs(ratio - round(ratio)) > _RATIO_ROUNDING * ratio:
+        low, high = (math.floor(ratio) * period, math.ceil(ratio) * period)
+        yield Problem(where, step_s, f"must be a multiple of period_s {period}, as {low:g} or {high:g}")
+    elif control.horizon_periods > MAX_HORIZON_PERIODS:
+        right = f"gives a horizon of {control.horizon_periods} periods, must give at most {MAX_HORIZON_PERIODS}"
+        yield Problem(where, step_s, right)
+    elif control.substeps > 1:
+        yield from _wide_step_problems(spec)
+
+
+def _wide_step_problems(spec: MissionSpec) -> Iterator[Problem]:
+    """Yield a problem if an agent flies past what it measures within a step of plans."""
+    for agent in spec.fleet.agents:
+        speed, given = (agent_value(spec, agent, name) for name in ("speed_max_m_per_s", "sensing_radius_m"))
+        radii = [one for one in given.values() if isinstance(one, float)] if isinstance(given, dict) else [given]
+        reach = min((one for one in radii if isinstance(one, float)), default=None)
+        if not isinstance(speed, float) or reach is None:
+            continue
+        if speed * spec.control.plan_step > 2.0 * reach * (1.0 + _RATIO_ROUNDING):
+            right = (
+                f"{agent.id} flies {speed * spec.control.plan_step:.3g} m in it, must be at most two sensing radii, "
+            )
+            right += f"{2.0 * reach:.3g} m: at most {2.0 * reach / speed:.3g} s"
+            yield Problem("control.plan_step_s", spec.control.plan_step_s, right)
+            return

@@ -11,6 +11,7 @@ import numpy as np
 
 from mpc_cover.arrays import read_only
 from mpc_cover.mission.fleet import Fleet
+from mpc_cover.model.look_instants import AT_SAMPLES, LookInstants
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,11 +32,13 @@ class FleetConstraints(Fleet):
         already; all other pairs keep rho_B.
     reaction_periods : periods until the others react to an agent that stops without warning, for which plans leave
         room (passive safety); 0 to leave none.
+    look_instants : when sensors look, within each step of a plan.
     """
 
     lost: tuple[int, ...] = ()
     pair_separation: Mapping[tuple[int, int], float] = field(default_factory=dict)
     reaction_periods: float = 0.0
+    look_instants: LookInstants = AT_SAMPLES
 
     @classmethod
     def of(cls, fleet: Fleet, **changes: Any) -> FleetConstraints:

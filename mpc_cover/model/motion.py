@@ -30,6 +30,11 @@ def roll_out(
     return positions, velocities
 
 
+def chord_deviation(input_max: FloatArray, seconds: float | FloatArray) -> FloatArray:
+    """Return (m,) [m]: how far a path of `seconds` [s] leaves its chord at most, u_max t^2 / 8; (m,) [m/s^2]."""
+    return np.asarray(input_max * np.square(seconds) / 8.0)
+
+
 def path_extremes(position: FloatArray, velocity: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and the highest coordinates (N, m, d) [m] within each interval of a motion.
 

@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.model.look_instants import nearest_part
+
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
 
 TIE = 1e-9
 """A cell no farther than this beyond rho is measured [m]: rounding does not decide about cells at distance rho. Plain
 choice, far below any cell."""
+_PIECES = 4
+"""Pieces of an interval in each of which the nearest point is sought; a plain choice, as distances have two minima."""
 _PERIOD_ROUNDING = 1e-6
 """Looks closer than a period by less than this part of it count as a period apart; a plain choice."""
 
@@ -57,6 +61,63 @@ def covered_at(
     for t, now in zip(time, position, strict=True):
         first = np.where(measured(now, cell, radius), np.minimum(first, t), first)
     return np.asarray(first.max(axis=0))
+
+
+def passed_at(
+    time: FloatArray, position: FloatArray, velocity: FloatArray, cell: FloatArray, radius: FloatArray
+) -> FloatArray:
+    """Return (K,) [s]: the first of the (T,) sample times by which every magnitude was passed in range, or inf.
+
+    `position` and `velocity` are (T, m, d) [m], [m/s], with constant inputs between samples.
+    """
+    first = np.full((radius.shape[1], cell.shape[0]), np.inf)
+    now = measured(position[0], cell, radius)
+    first[now] = time[0]
+    farthest = np.maximum(radius.max(axis=1), 0.0)
+    for n, step in enumerate(np.diff(time)):
+        owed = np.flatnonzero(np.isinf(first).any(axis=0))
+        if owed.size == 0:
+            break
+        for agent in np.flatnonzero(farthest > 0.0):
+            motion = position[n, agent], velocity[n, agent], velocity[n + 1, agent]
+            reachable = _near_chord(cell[owed], position[n + 1, agent], *motion, step, farthest[agent])
+            some = owed[reachable]
+            if some.size == 0:
+                continue
+            distance = _pass_distance(cell[some], *motion, step)
+            seen = distance <= radius[agent][:, None] + TIE
+            first[:, some] = np.where(seen, np.minimum(first[:, some], time[n + 1]), first[:, some])
+    return np.asarray(first.max(axis=0))
+
+
+def _near_chord(
+    cell: FloatArray,
+    end: FloatArray,
+    start: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    step: float,
+    reach: float,
+) -> BoolArray:
+    """Return (K,) whether cells may be within `reach` [m] of a path from `start` to `end` (d,) [m]."""
+    middle = 0.5 * (start + end)
+    size = 0.5 * float(np.linalg.norm(end - start)) + float(np.linalg.norm(after - before)) * step / 8.0
+    return np.asarray(((cell - middle) ** 2).sum(axis=1) <= (reach + size + TIE) ** 2)
+
+
+def _pass_distance(
+    cell: FloatArray, start: FloatArray, before: FloatArray, after: FloatArray, step: float
+) -> FloatArray:
+    """Return (K,) [m]: the least distances of cells (K, d) [m] to one parabola."""
+    edges = np.linspace(0.0, 1.0, _PIECES + 1)
+    offset = np.repeat((start - cell)[None], _PIECES, axis=0)
+    low, high = (np.repeat(part[:, None], cell.shape[0], axis=1) for part in (edges[:-1], edges[1:]))
+    part = nearest_part(
+        offset, np.broadcast_to(before, offset.shape), np.broadcast_to(after, offset.shape), step, (low, high)
+    )
+    later = 0.5 * step * part**2
+    away = offset + (step * part - later)[..., None] * before + later[..., None] * after
+    return np.asarray(np.linalg.norm(away, axis=2).min(axis=0))
 
 
 def _looked_at(

@@ -110,6 +110,16 @@ class Trajectory:
             self.period,
         )
 
+    def subdivided(self, parts: int) -> Trajectory:
+        """Return the same evenly sampled motion with `parts` samples a step: the input is held over all of them."""
+        if parts == 1:
+            return self.plain()
+        later = np.repeat(self.velocity[:-1], parts, axis=0)
+        part = np.tile(np.arange(1, parts + 1) / parts, self.steps).reshape(-1, *[1] * (self.velocity.ndim - 1))
+        later = (1.0 - part) * later + part * np.repeat(self.velocity[1:], parts, axis=0)
+        state = self.position[0], self.velocity[0]
+        return Trajectory.from_velocities(*state, later, self.start_time, self.period / parts)
+
     def shift(self, seconds: float) -> Trajectory:
         """Return the same motion delayed by so many seconds, or on a clock that is ahead by as many."""
         return replace(self.plain(), time=self.time + seconds)

@@ -106,8 +106,8 @@ def reweighted(ocp: OCP, best: SCPResult, backend: Backend, *, budget: Budget, e
             best = final
             if best.complete:
                 break
-        position, _velocity = ocp.motion(best.x)
-        left = remaining_weight(position, ocp.cell, ocp.fleet.radius, ocp.weight) > 0.0
+        position, velocity = ocp.motion(best.x)
+        left = remaining_weight(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.between(velocity)) > 0.0
         weight = np.where(left, WEIGHT_FACTOR * weight, weight)
         heavier = optimise(
             replace(ocp, weight=weight),

@@ -37,7 +37,8 @@ class CoverageNLP:
         """Return J_beta [m] and the constraint violations, between samples as well."""
         ocp = self.ocp
         position, velocity = ocp.motion(x)
-        cost = soft_cost(position, ocp.cell, ocp.fleet.radius, ocp.weight, self.settings.softness, ocp.looks)
+        cell, between = (ocp.cell, ocp.fleet.radius, ocp.weight), ocp.between(velocity)
+        cost = soft_cost(position, *cell, self.settings.softness, ocp.looks, between)
         excess = self._excess(position, velocity)
         braking = braking_violations(position, velocity, ocp.period, ocp.fleet)
         penalty = float(sum(part.sum() for part in (*excess, braking)))

@@ -17,6 +17,12 @@ from mpc_cover.constraints.box_overshoot import box_overshoot_rows
 from mpc_cover.constraints.collision import collision_rows
 from mpc_cover.constraints.cones import edge_cones
 from mpc_cover.constraints.connectivity import connectivity_rows
+from mpc_cover.constraints.control_points import (
+    collision_control_rows,
+    connectivity_control_rows,
+    control_points,
+    has_long_steps,
+)
 from mpc_cover.constraints.facets import inscribed, turned_normals
 from mpc_cover.constraints.pairs import all_pairs, pair_distances
 from mpc_cover.constraints.passive_safety import braking_encounters, passive_safety_rows, stop_instants
@@ -26,6 +32,7 @@ from mpc_cover.coverage.majoriser import build_majoriser
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.constraints.rows import Rows
+    from mpc_cover.coverage.majoriser import Majoriser
     from mpc_cover.planning.ocp import OCP, Requirements, Settings
 
 
@@ -72,8 +79,8 @@ def build_cvxpy_subproblem(
         velocity.append(v)
     found = CvxpySubproblem(position, velocity, force, [], constraints)
     _add_limits(found, ocp, settings, bar_v)
-    _add_bounds(found, ocp, bar_q, radius)
-    _add_coverage(found, ocp, settings, bar_q, radius)
+    _add_bounds(found, ocp, (bar_q, bar_v), radius)
+    _add_coverage(found, ocp, settings, (bar_q, bar_v), radius)
     _add_pairs(found, ocp, settings, required, (bar_q, bar_v), radius)
     _add_passive_safety(found, ocp, settings, (bar_q, bar_v), radius)
     for bar, now in ((bar_q, position), (bar_v, velocity)):
@@ -99,10 +106,20 @@ def _add_limits(found: CvxpySubproblem, ocp: OCP, settings: Settings, bar_v: Flo
             found.constraints.append(cp.abs(force @ u[i]) <= share * ocp.fleet.input_max[i])
 
 
-def _add_bounds(found: CvxpySubproblem, ocp: OCP, bar_q: FloatArray, radius: float) -> None:
+def _add_bounds(found: CvxpySubproblem, ocp: OCP, motion: tuple[FloatArray, FloatArray], radius: float) -> None:
     """Add the motion box (4.15, 4.16), the trust region and the boundary conditions (4.17)."""
+    bar_q, bar_v = motion
     fleet, ends = ocp.fleet, ocp.ends
     between = (fleet.input_max * ocp.period**2 / 8.0)[:, None]  # deviation of a path from its chord
+    if has_long_steps(fleet, ocp.period):
+        between = 0.0 * between
+        for n in range(ocp.steps):
+            here = bar_q[n] + 0.5 * ocp.period * bar_v[n]
+            control = found.position[n] + 0.5 * ocp.period * found.velocity[n]
+            found.constraints += [
+                control >= np.minimum(fleet.motion_min, here),
+                control <= np.maximum(fleet.motion_max, here),
+            ]
     given = {0: ends.start_position, ocp.steps: ends.end_position}
     for n in range(ocp.steps + 1):
         if given.get(n) is not None:
@@ -120,9 +137,16 @@ def _add_bounds(found: CvxpySubproblem, ocp: OCP, bar_q: FloatArray, radius: flo
         found.constraints += [found.position[-1] == found.position[0], found.velocity[-1] == found.velocity[0]]
 
 
-def _add_coverage(found: CvxpySubproblem, ocp: OCP, settings: Settings, bar_q: FloatArray, radius: float) -> None:
+def _add_coverage(
+    found: CvxpySubproblem, ocp: OCP, settings: Settings, motion: tuple[FloatArray, FloatArray], radius: float
+) -> None:
     """Add sum gamma pos(level + sum slope . (q - qbar)), and the curvature of the terms above zero."""
-    majoriser = build_majoriser(bar_q, ocp.cell, ocp.fleet.radius, ocp.weight, settings.softness, ocp.looks)
+    bar_q, bar_v = motion
+    between, asked = ocp.between(bar_v), (ocp.cell, ocp.fleet.radius, ocp.weight)
+    majoriser = build_majoriser(bar_q, *asked, settings.softness, ocp.looks, between)
+    if between is not None:
+        _add_coverage_between(found, ocp, majoriser, motion, radius)
+        return
     agents, dimension = ocp.fleet.start.shape
     reach = radius * np.sqrt(dimension)
     moved = cp.vec(cp.vstack([found.position[n] - bar_q[n] for n in range(ocp.steps + 1)]), order="C")
@@ -138,6 +162,47 @@ def _add_coverage(found: CvxpySubproblem, ocp: OCP, settings: Settings, bar_q: F
         found.terms.append(majoriser.weight[near] @ cp.pos(majoriser.level[near] + slope[near] @ moved))
     blocks = majoriser.curvature(majoriser.level > 0.0, (ocp.steps + 1) * agents)
     found.terms.append(0.5 * cp.quad_form(moved, cp.psd_wrap(sp.block_diag(list(blocks), format="csc"))))
+
+
+def _add_coverage_between(
+    found: CvxpySubproblem, ocp: OCP, majoriser: Majoriser, motion: tuple[FloatArray, FloatArray], radius: float
+) -> None:
+    """Add the same for terms of points between samples, q_n + a v_n + b v_(n+1)."""
+    assert majoriser.blend is not None
+    assert majoriser.bow is not None
+    agents, dimension = ocp.fleet.start.shape
+    half = motion[0].size
+    parts = [
+        now[n] - bar[n]
+        for bar, now in zip(motion, (found.position, found.velocity), strict=True)
+        for n in range(ocp.steps + 1)
+    ]
+    moved = cp.vec(cp.vstack(parts), order="C")
+    rows, bends, reach = [], [], np.zeros(majoriser.level.size)
+    for (term, nth), flat in np.ndenumerate(majoriser.sample):
+        n, i = divmod(int(flat), agents)
+        point = np.zeros((dimension, 2 * half))  # the point's change of the state's change
+        for column, factor in (
+            (flat, 1.0),
+            (half // dimension + flat, majoriser.blend[0][term, nth]),
+            (half // dimension + min(n + 1, ocp.steps) * agents + i, majoriser.blend[1][term, nth]),
+        ):
+            point[:, int(column) * dimension : (int(column) + 1) * dimension] += factor * np.eye(dimension)
+        slope = majoriser.slope[term, nth]
+        rows.append(slope @ point)
+        swing = majoriser.bow[term, nth] * ocp.fleet.input_max[i] * ocp.period**2
+        reach[term] += radius * np.abs(slope).sum() + swing * np.linalg.norm(slope)
+        if majoriser.level[term] > 0.0:
+            bends.append(np.sqrt(majoriser.weight[term]) * majoriser.across(term, nth) @ point)
+    change = sp.csr_array(np.array(rows).reshape(*majoriser.sample.shape, -1).sum(axis=1))
+    level, weight = majoriser.level, majoriser.weight
+    if bends:
+        found.terms.append(0.5 * cp.sum_squares(sp.csr_array(np.concatenate(bends)) @ moved))
+    far, near = np.flatnonzero(level > reach), np.flatnonzero(np.abs(level) <= reach)
+    if far.size:
+        found.terms.append(weight[far] @ (level[far] + change[far] @ moved))
+    if near.size:
+        found.terms.append(weight[near] @ cp.pos(level[near] + change[near] @ moved))
 
 
 def _add_pairs(
@@ -156,9 +221,17 @@ def _add_pairs(
     one, two = all_pairs(fleet.size)
     between = (fleet.input_max[one] + fleet.input_max[two]) * ocp.period**2 / 8.0
     reach = 2.0 * radius * float(np.sqrt(layout.dimension))
+    long, bow = has_long_steps(fleet, ocp.period), 2.0 * float(between.max())
+    points = control_points(*motion, ocp.period)
+    control = points[:, one] - points[:, two]
+    if long:
+        between = np.zeros_like(between)
     if fleet.separation_min > 0.0:
         rows = collision_rows(layout, pairs, required.separation, between, reach, ocp.first)
         _add_elastic(found, rows, settings.penalty)
+        if long:
+            rows = collision_control_rows(layout, pairs, control, required.separation, reach + bow, ocp.period)
+            _add_elastic(found, rows, settings.penalty)
     if np.isfinite(fleet.communication_range) and settings.exact_cones:
         cones = edge_cones(layout, pairs, required.range, 0.5 * float(between.max()), reach, fleet, ocp.first)
         for bound, plus, minus in zip(cones.bound, cones.plus, cones.minus, strict=True):
@@ -169,6 +242,10 @@ def _add_pairs(
         slack = 0.5 * float(between.max())
         rows = connectivity_rows(layout, pairs, required.range, slack, reach, facets, fleet=fleet, first=ocp.first)
         _add_elastic(found, rows, settings.penalty)
+        if long:
+            near = (required.range, reach + 2.0 * bow, facets)
+            rows = connectivity_control_rows(layout, pairs, control, *near, fleet=fleet, period=ocp.period)
+            _add_elastic(found, rows, settings.penalty)
 
 
 def _add_passive_safety(

@@ -13,6 +13,7 @@ from mpc_cover.planning.basin_hopping import basin_hopping, reweighted
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, candidate_of
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
+from mpc_cover.planning.initial_guess.cruise import at_cruise
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
 from mpc_cover.planning.initial_guess.path_comparison import shorter
 from mpc_cover.planning.initial_guess.shape_tour import ShapeTour
@@ -196,7 +197,8 @@ def systematic_guesses(task: Task) -> list[Guess]:
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
     makers: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
-    sweeps = sorted((guess for maker in makers for guess in maker.guesses(task)), key=_kind_rank)
+    guesses = (guess for maker in makers for guess in maker.guesses(task))
+    sweeps = sorted(at_cruise(task, guesses), key=_kind_rank)
     first, last = shorter(task, ShapeTour().guesses(task), sweeps)
     return [*first, *sweeps, *last]
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mpc_cover.constraints.graph import bottleneck, fleet_trees
 from mpc_cover.constraints.pairs import pair_distances
+from mpc_cover.model.look_instants import InterSample
 from mpc_cover.model.motion import roll_out
 
 if TYPE_CHECKING:
@@ -88,6 +89,11 @@ class OCP:
         velocity = x[self.fleet.start.size :].reshape(self.steps + 1, *shape)
         position, _ = roll_out(start, velocity[0], np.diff(velocity, axis=0) / self.period, self.period)
         return position, velocity
+
+    def between(self, velocity: FloatArray) -> InterSample | None:
+        """Return what counts between the samples of a motion with velocities (N+1, m, d) [m/s]; None if none."""
+        instants = self.fleet.look_instants
+        return None if instants.only_samples or self.looks is not None else InterSample(velocity, self.period, instants)
 
     def exact_ends(self, x: FloatArray) -> FloatArray:
         """Return `x` with exact boundary conditions: the QP's residual is distributed over the velocities."""

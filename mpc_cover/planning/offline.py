@@ -12,6 +12,7 @@ from mpc_cover.information.build import make_map
 from mpc_cover.information.replay import measured_at
 from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.model.local_frame import LocalFrame
+from mpc_cover.model.look_instants import looks_of_plans
 from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.min_time import FAILURES
 from mpc_cover.planning.multistart import Search
@@ -111,13 +112,13 @@ def offline_task(mission: Mission, frame: LocalFrame | None = None) -> Task:
         mission, goal = frame.mission(mission), None if goal is None else frame.position(goal)
     fleet = mission.fleet
     return Task(
-        FleetConstraints.of(fleet),
+        FleetConstraints.of(fleet, look_instants=looks_of_plans(mission, mission.spec.control.plan_step)),
         mission.field.cell,
         demand.gamma * mission.field.weight,
         fleet.start,
         np.zeros_like(fleet.start),
         0.0,
-        mission.spec.control.period_s,
+        mission.spec.control.plan_step,
         start_free=planning.start == "free",
         end=end,
         goal=goal,
@@ -148,15 +149,16 @@ class _Best:
 def _recording(
     mission: Mission, options: PlanOptions, frame: LocalFrame, found: Candidate, *, interrupted: bool
 ) -> Recording:
+    substeps = mission.spec.control.substeps  # looks count once a period
     given = mission.spec.planning.start == "fixed"
-    plan = frame.metric(found.plan, mission.fleet.start if given else None)
+    plan = frame.metric(found.plan.subdivided(substeps), mission.fleet.start if given else None)
     return Recording(
         time=plan.time,
         position=plan.position,
         velocity=plan.velocity,
         input=plan.input,
         cell=mission.field.cell,
-        covered_at=measured_at(mission, plan.time, plan.position),
+        covered_at=measured_at(mission, plan.time, plan.position, plan.velocity),
         agent_id=mission.fleet.ids,
         mission=mission,
         meta={

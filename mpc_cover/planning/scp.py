@@ -211,7 +211,7 @@ def evaluate(ocp: OCP, x: FloatArray) -> SCPResult:
     """Return the evaluation of a decision vector without any refinement."""
     problem = CoverageNLP(ocp, Settings(softness_at(SHARPNESS[-1], length_scale(ocp))))
     position, velocity = ocp.motion(x)
-    cost = coverage_cost(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.looks)
+    cost = coverage_cost(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.looks, ocp.between(velocity))
     braking = braking_violation(position, velocity, ocp.period, ocp.fleet)
     return SCPResult(x, cost, problem.violation(x), (), braking)
 

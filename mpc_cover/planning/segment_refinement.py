@@ -12,6 +12,7 @@ import numpy as np
 
 from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.coverage.nearest import remaining_weight
+from mpc_cover.model.look_instants import InterSample
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.ocp import OCP
 from mpc_cover.planning.scp import evaluate, optimise
@@ -91,7 +92,7 @@ def _refined_segment(
     or violates less.
     """
     position, velocity = motion
-    demand = _left_by_others(task, position, begin, end)
+    demand = _left_by_others(task, motion, begin, end)
     steps = end - begin
     ocp = _ocp(task, motion, demand, begin, end, steps)
     now = evaluate(ocp, ocp.decision(position[begin], velocity[begin : end + 1]))
@@ -138,10 +139,22 @@ def _ocp(
     return OCP(task.fleet, task.cell, weight, steps, task.period, ends, looks)
 
 
-def _left_by_others(task: Task, position: FloatArray, begin: int, end: int) -> tuple[FloatArray, IntArray | None]:
-    """Return weights and looks (J, K) of the demand that samples outside the segment do not cover."""
+def _left_by_others(
+    task: Task, motion: tuple[FloatArray, FloatArray], begin: int, end: int
+) -> tuple[FloatArray, IntArray | None]:
+    """Return weights and looks (J, K) of the demand that the motion outside the segment does not cover."""
+    position, velocity = motion
+    instants, cells = task.fleet.look_instants, (task.cell, task.fleet.radius)
+    if task.looks is None and not instants.only_samples:
+        weight = task.weight
+        last = end == position.shape[0] - 1  # whose position is not given
+        for part in (slice(0, begin + 1), *([] if last else [slice(end, None)])):
+            weight = remaining_weight(
+                position[part], *cells, weight, InterSample(velocity[part], task.period, instants)
+            )
+        return weight, None
     others = np.concatenate([position[: begin + 1], position[end:]])
     if task.looks is None:
-        return remaining_weight(others, task.cell, task.fleet.radius, task.weight), None
+        return remaining_weight(others, *cells, task.weight), None
     looks = np.maximum(task.looks - look_counts(others, task.cell, task.fleet.radius), 0)
     return np.where(looks > 0, task.weight, 0.0), looks

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.coverage.nearest import remaining_weight
+from mpc_cover.model.look_instants import inter_sample
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 from mpc_cover.planning.ocp import OCP
@@ -113,7 +114,8 @@ class Task:
         if self.looks is not None:
             sufficient = look_counts(plan.position, self.cell, self.fleet.radius) >= self.looks
             return np.where(sufficient, 0.0, self.weight)
-        return remaining_weight(plan.position, self.cell, self.fleet.radius, self.weight)
+        between = inter_sample(plan, self.fleet.look_instants)
+        return remaining_weight(plan.position, self.cell, self.fleet.radius, self.weight, between)
 
     def flown(self, guess: Guess, steps: int | None) -> Trajectory:
         """Return the motion of a guess from the initial state, or from its first waypoints if that is free.
@@ -130,11 +132,14 @@ class Task:
             home = position if self.goal is None else self.goal
             paths = [np.concatenate([path, goal[None]]) for path, goal in zip(paths, home, strict=True)]
         stop = self.end is not End.FREE
+        fleet = self.fleet
+        if guess.cruise is not None:
+            fleet = replace(fleet, speed_max=np.minimum(fleet.speed_max, guess.cruise))
         return track_waypoints(
             paths,
             position,
             self.velocity,
-            self.fleet,
+            fleet,
             self.period,
             start_time=self.start_time,
             steps=steps,

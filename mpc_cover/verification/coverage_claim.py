@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.mission.config import Sensing
 from mpc_cover.verification.looks import rule_of, settled_at
+from mpc_cover.verification.path import Path
 from mpc_cover.verification.report import Check, CheckName
 
 if TYPE_CHECKING:
@@ -19,6 +21,8 @@ _DOUBT = 1e-10
 """Within this of the tie [m], rounding decides, and either answer is honest."""
 _SUM = 1e-9
 """Within this part of what is asked for, the rounding of sums decides, and either answer is honest."""
+_NO_BEND = 1e-9
+"""Ratio of coefficients below which a parabola is a line, whose other roots are far outside the interval."""
 _SAME_TIME = 1e-9
 _SAME_CELL = 1e-9
 
@@ -48,6 +52,8 @@ def first_measured(trajectory: Recording, radius: FloatArray, part: float = 1.0)
     """
     if (rule := rule_of(trajectory.mission)) is not None:
         return settled_at(trajectory, radius, rule, part * rule.level)
+    if trajectory.mission.spec.sensing is Sensing.CONTINUOUS:
+        return first_passed(trajectory, radius)
     done = np.zeros(trajectory.cell.shape[0])
     for reach in radius.T:
         first = np.full_like(done, np.inf)
@@ -62,6 +68,52 @@ def first_measured(trajectory: Recording, radius: FloatArray, part: float = 1.0)
                 break
         done = np.maximum(done, first)
     return done
+
+
+def first_passed(trajectory: Recording, radius: FloatArray) -> FloatArray:
+    """Return (K,) [s]: the first sample by which the path had passed each cell in range, of every magnitude."""
+    path, cells = Path(trajectory.time, trajectory.position, trajectory.velocity, trajectory.input), trajectory.cell
+    first = np.full((radius.shape[1], cells.shape[0]), np.inf)
+    for agent, reach in enumerate(radius):
+        able = np.flatnonzero(reach > 0.0)
+        for n in range(trajectory.input.shape[0] if able.size else 0):
+            step, least = path.time[n + 1] - path.time[n], np.full(cells.shape[0], np.inf)
+            begin, rate = path.position[n, agent], path.velocity[n, agent] * step
+            bend = 0.5 * path.force[n, agent] * step**2
+            # the path is within its first point's ball of |rate| + |bend|
+            away = np.linalg.norm(cells - begin, axis=1)
+            some = np.flatnonzero(away <= np.linalg.norm(rate) + np.linalg.norm(bend) + reach[able].max())
+            least[some] = parabola_distance(begin - cells[some], rate, bend)
+            for j in able:
+                first[j, least <= reach[j]] = np.minimum(first[j, least <= reach[j]], path.time[n + 1])
+                if n == 0:
+                    first[j, away <= reach[j]] = path.time[0]
+    return np.asarray(first.max(axis=0))
+
+
+def parabola_distance(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Return (K,) [m]: the least |a + b s + c s^2| over s in [0, 1], of offsets `a` (K, d) and one (d,) motion [m].
+
+    It is at an end or at a root of the cubic derivative of its square, found in closed form.
+    """
+    constant, linear = a @ b, 2.0 * (a @ c) + float(b @ b)
+    square, cubic = 3.0 * float(b @ c), 2.0 * float(c @ c)
+    roots = _roots(cubic, square, linear, constant)
+    inside = [np.clip(np.where(np.isfinite(root), root, 0.0), 0.0, 1.0) for root in roots]
+    tried = [np.zeros_like(constant), np.ones_like(constant), *inside]
+    parts = np.stack(tried)[..., None]
+    return np.asarray(np.linalg.norm(a + parts * b + parts**2 * c, axis=2).min(axis=0))
+
+
+def _roots(cubic: float, square: float, linear: FloatArray, constant: FloatArray) -> list[FloatArray]:
+    """Return the real parts of the roots of polynomials in s, as eigenvalues of their companion matrices."""
+    largest = np.maximum(np.abs(linear), max(abs(cubic), abs(square)))
+    if cubic > _NO_BEND * float(largest.max(initial=0.0)):
+        matrix = np.zeros((constant.size, 3, 3))
+        matrix[:, 1, 0] = matrix[:, 2, 1] = 1.0
+        matrix[:, 0, 2], matrix[:, 1, 2], matrix[:, 2, 2] = -constant / cubic, -linear / cubic, -square / cubic
+        return list(np.linalg.eigvals(matrix).real.T)
+    return [-np.divide(constant, linear, out=np.zeros_like(constant), where=linear != 0.0)]
 
 
 def _check_cells(trajectory: Recording) -> Check:

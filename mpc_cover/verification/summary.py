@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpc_cover.mission.config import Sensing
+from mpc_cover.trajectory_file import RecordingKind
 from mpc_cover.verification.connectivity import widest_bottleneck
 from mpc_cover.verification.hovering import hovering_of
 from mpc_cover.verification.information_summary import summarise_information
@@ -111,7 +113,7 @@ def summarise(trajectory: Recording, report: Report, step_times: FloatArray | No
     speed, speed_max = _nearest_bound(trajectory.velocity, fleet.speed_max)
     force, force_max = _nearest_bound(trajectory.input, fleet.input_max)
     reached = {level: time_to_cover(trajectory, level) for level in _LEVELS}
-    bound, hovering = swath_bound(mission), hovering_of(trajectory)
+    bound, hovering = swath_bound(mission, look_interval(trajectory)), hovering_of(trajectory)
     distance = distance_travelled(path)
     covered = int(np.isfinite(trajectory.covered_at).sum())
     return RunSummary(
@@ -176,17 +178,30 @@ def _lengths(path: Path) -> FloatArray:
     return np.asarray(((speed * (0.5 * weight)).sum(axis=-1) * step[..., 0]).sum(axis=0))
 
 
-def swath_bound(mission: Mission) -> float | None:
-    """Return T_b = (A - sum pi rho_i^2) / sum (2 rho_i v_i) [s] of a planar mission with one magnitude, else None.
+def look_interval(trajectory: Recording) -> float:
+    """Return the time between looks [s]: T_s of plans, the state period of flights; 0 of continuous sensing."""
+    spec = trajectory.mission.spec
+    if spec.sensing is Sensing.CONTINUOUS:
+        return 0.0
+    planned = trajectory.meta.get("kind") == RecordingKind.PLAN
+    return spec.control.period_s if planned else spec.control.state_period_s
 
-    Each agent starts with its disc and sweeps a strip 2 rho wide; what is left of A takes about this long.
+
+def swath_bound(mission: Mission, look_s: float = 0.0) -> float | None:
+    """Return T_b = (A - sum pi rho_i^2) / sum_i min(2 rho_i v_i, pi rho_i^2 / look_s) [s]; None outside the plane.
+
+    Each agent starts with its disc and sweeps a strip 2 rho wide; what is left of A takes about this long. A look
+    adds a disc at most, however fast the agent is, one every `look_s` [s]. None for several magnitudes.
     """
     fleet = mission.fleet
     if fleet.dimension != 2 or fleet.radius.shape[1] != 1:  # noqa: PLR2004 - the plane
         return None
     radius = np.maximum(fleet.radius[:, 0], 0.0)
     left = mission.field.measure - float(np.pi * (radius**2).sum())
-    return left / float(2.0 * (radius * fleet.speed_max).sum()) if left > 0.0 else None
+    rate = 2.0 * radius * fleet.speed_max
+    if look_s > 0.0:
+        rate = np.minimum(rate, np.pi * radius**2 / look_s)
+    return left / float(rate.sum()) if left > 0.0 else None
 
 
 def time_for_a_step(trajectory: Recording) -> float:

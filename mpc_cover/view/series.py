@@ -10,7 +10,7 @@ import numpy as np
 from mpc_cover.verification.connectivity import bottleneck
 from mpc_cover.verification.losses import losses_of
 from mpc_cover.verification.path import Path
-from mpc_cover.verification.summary import floor_percent, swath_bound, time_to_cover
+from mpc_cover.verification.summary import floor_percent, look_interval, swath_bound, time_to_cover
 from mpc_cover.view.style import GOOD, INK, LIMIT, QUIET, agent_style, draw_limit, outlined
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def draw_coverage(axes: Axes, trajectory: Recording) -> None:
         lines.append(f"{level} %: " + ("never" if time is None else f"{time:.1f} s"))
         if time is not None:
             axes.plot(time, level, "o", color=GOOD, markeredgecolor="white", markersize=6, zorder=4)
-    if (bound := swath_bound(trajectory.mission)) is not None and bound <= end:
+    if (bound := swath_bound(trajectory.mission, look_interval(trajectory))) is not None and bound <= end:
         axes.axvline(bound, color=QUIET, linewidth=1.2, linestyle=(0, (6, 2)))
         lines.append(f"swath bound (dashed): {bound:.1f} s")
     box = {"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 3.0}

@@ -9,7 +9,9 @@ from motions import PERIOD, grid, random_window, replace, settings
 
 from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.constraints.box_overshoot import box_overshoot
+from mpc_cover.constraints.control_points import has_long_steps
 from mpc_cover.constraints.passive_safety import braking_encounters, stop_instants
+from mpc_cover.model.look_instants import LookInstants
 from mpc_cover.planning.coverage_nlp import CoverageNLP
 from mpc_cover.planning.cvxpy_reference import build_cvxpy_subproblem
 from mpc_cover.planning.ocp import OCP, requirements
@@ -237,3 +239,32 @@ def test_an_infeasible_iterate_is_charged_and_brought_back():
     after = problem.measure(model.recover(solver.solve().x))
     assert before.violation > 0.1
     assert after.violation < 0.1 * before.violation
+
+
+@pytest.mark.parametrize("instants", [LookInstants(continuous=True), LookInstants(per_step=3)])
+@pytest.mark.parametrize(
+    ("seed", "agents", "dimension", "kind"), [(1, 3, 2, "rest"), (4, 2, 3, "rest"), (6, 2, 2, "free")]
+)
+def test_with_looks_between_samples_it_has_the_same_optimum_as_the_reference(instants, seed, agents, dimension, kind):
+    ocp, x = random_window(seed, steps=5, agents=agents, dimension=dimension)
+    ocp = with_ends(replace(ocp, fleet=replace(ocp.fleet, look_instants=instants)), x, kind)
+    assembled, expected = optima(ocp, x)
+    assert assembled == pytest.approx(expected, rel=CLOSE["clarabel"])
+    merit = CoverageNLP(ocp, settings()).measure(x).objective
+    model = build_subproblem(ocp, settings(), requirements(ocp, settings().margins), x, 0.6)
+    assert model.predicted(model.start) == pytest.approx(0.0, abs=1e-9)
+    assert (
+        merit
+        <= CoverageNLP(replace(ocp, fleet=replace(ocp.fleet, look_instants=LookInstants())), settings())
+        .measure(x)
+        .objective
+        + 1e-9
+    ), "more looks measure no less"
+
+
+@pytest.mark.parametrize("instants", [LookInstants(continuous=True), LookInstants()])
+def test_with_long_steps_it_has_the_same_optimum_as_the_reference_formulation(instants):
+    ocp, x = in_file(look_instants=instants, radius=np.full((3, 1), 0.3))
+    assert has_long_steps(ocp.fleet, ocp.period)
+    assembled, expected = optima(ocp, x)
+    assert assembled == pytest.approx(expected, rel=CLOSE["clarabel"])

@@ -46,7 +46,9 @@ class Boustrophedon:
 
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
         """Yield strips of equal work, cut snakes and combs."""
-        arrays = (task.fleet, task.cell, task.weight, task.position, task.period)
+        instants = task.fleet.look_instants
+        look_s = 0.0 if instants.continuous else task.period / instants.per_step
+        arrays = (task.fleet, task.cell, task.weight, task.position, look_s)
         return sweep_guesses(*arrays, slow=self._slow)
 
 
@@ -55,7 +57,7 @@ def sweep_guesses(
 ) -> Iterator[Guess]:
     """Yield sweeps of the whole demand along each axis: strips of equal work, cut snakes, and combs.
 
-    `cell` (K, d) [m]; `demand` (J, K) > 0 where there is demand; `position` (m, d) [m]; `period` T_s [s].
+    `cell` (K, d) [m]; `demand` (J, K) > 0 where there is demand; `position` (m, d) [m]; `period` [s] of looks.
     `slow` sweeps are for many looks in a single pass.
     """
     teams = teams_of(fleet, cell, demand, period, slow=slow)

@@ -44,11 +44,13 @@ class Guess:
     origin : kind and name.
     paths : waypoints of each agent, (W_i, d) [m]; empty where there is a motion.
     motion : a motion with its own timing; None where waypoints are given.
+    cruise : (m,) [m/s] at which waypoints are tracked, no faster than the agents' limits; None for those.
     """
 
     origin: Origin
     paths: list[FloatArray] = field(default_factory=list)
     motion: Trajectory | None = None
+    cruise: FloatArray | None = None
 
 
 def rest_guess(position: FloatArray) -> Guess:

@@ -43,8 +43,9 @@ class PlanRepair:
 
 def _tracked(task: Task, earlier: Trajectory, fleet: FleetConstraints) -> Trajectory:
     """Return the motion along the earlier paths with the limits of `fleet`, no wider than the task's own."""
-    done = min(max(round((task.start_time - earlier.start_time) / task.period), 0), earlier.steps)
-    ahead = np.concatenate([earlier.position[done:-1:_EVERY], earlier.position[-1:]])
+    done = min(max(round((task.start_time - earlier.start_time) / earlier.period), 0), earlier.steps)
+    every = _EVERY * max(1, round(task.period / earlier.period))
+    ahead = np.concatenate([earlier.position[done:-1:every], earlier.position[-1:]])
     ahead[:, task.fleet.lost] = task.position[list(task.fleet.lost)]
     paths = list(ahead.swapaxes(0, 1))
     limited = replace(task, fleet=fleet)

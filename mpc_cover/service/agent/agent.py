@@ -75,7 +75,9 @@ class Agent:
         self.vehicle = make_vehicle(mission, index, clock.now(), seed, recorder.piece if recorder else None)
         self.plant = self.vehicle.nominal
         self.schedule = Schedule(self._limits.input_max)
+        self._inbox_s = mission.spec.control.inbox_s
         self._report_index = math.ceil(clock.now() / self._state_period)
+        self._read_index = math.ceil(clock.now() / self._inbox_s)
         self._delay_s = mission.spec.disturbance.delay_s
         self._outbox: deque[tuple[float, bytes]] = deque()
         self._seq = 0
@@ -96,8 +98,8 @@ class Agent:
     @property
     def next_time(self) -> float:
         """When the next tick is due, on a grid of the agent's own clock, or a delayed report [s]."""
-        report_s = self._report_index * self._state_period
-        return min(report_s, self._outbox[0][0]) if self._outbox else report_s
+        due_s = min(self._report_index * self._state_period, self._read_index * self._inbox_s)
+        return min(due_s, self._outbox[0][0]) if self._outbox else due_s
 
     @property
     def taken_by(self) -> str:
@@ -117,12 +119,17 @@ class Agent:
     def tick(self) -> None:
         """Move to the present time, take in the plans that arrived, report the state."""
         now = self._clock.now()
-        if not self._delay_s or now >= self._report_index * self._state_period - SNAP_S:
+        reporting = now >= self._report_index * self._state_period - SNAP_S
+        if self._inbox_s == self._state_period and not self._delay_s:
+            reporting = True  # whenever it is ticked
+        if reporting or now >= self._read_index * self._inbox_s - SNAP_S:
             self.vehicle.advance(now, self.schedule)
             for item in self._plans.drain():
                 self._receive(item, now)
             self.vehicle.advance(now, self.schedule)
             self._controllers.tick(now)
+            self._read_index = max(self._read_index + 1, math.floor((now + SNAP_S) / self._inbox_s) + 1)
+        if reporting:
             self._report()
             self._report_index = max(self._report_index + 1, math.floor((now + SNAP_S) / self._state_period) + 1)
         self._send_due(now)

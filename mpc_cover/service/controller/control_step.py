@@ -157,12 +157,12 @@ class ControlStep:
                 return
 
     def _late(self, start_s: float, done_s: float) -> bool:
-        """Return whether agents, which read their messages once a state period, may find a plan after its start.
+        """Return whether agents, which read their messages every `inbox_s`, may find a plan after its start.
 
         The plan is made at `done_s` of the controller's clock. Agents would reject it, not being in its start state by
         then, and all plans that assume that they fly it.
         """
-        return done_s + self._control.state_period_s > start_s + SNAP_S
+        return done_s + self._control.inbox_s > start_s + SNAP_S
 
     def _publish(self, proposal: Proposal, state: FleetState, supervisor: FleetSupervisor) -> bool:
         """Send a proposal, if the safety filter admits it, and inform the law; return whether it was sent."""

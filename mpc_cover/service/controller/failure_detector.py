@@ -37,7 +37,7 @@ class FailureDetector:
         self._fleet = fleet
         self._link_silence_s = max(LINK_SILENCE_S * fleet.speed, 1.5 * control.state_period_s)
         self._token_lost_s = min(TOKEN_LOST_PERIODS * control.state_period_s, control.period_s)
-        self._timeout_s = SILENT_PART * control.horizon_steps * control.period_s
+        self._timeout_s = SILENT_PART * control.horizon_s
 
     def newly_lost(self, now_s: float) -> dict[int, FailureMode]:
         """Return the agents that are lost now and were not before, with their failure modes."""

@@ -64,7 +64,7 @@ class FleetSupervisor:
         self._detector = FailureDetector(mission, monitor)
         self._predictor = StatePredictor(mission, publisher)
         self._speeds = SpeedEstimator(mission)
-        self._horizon_s = control.horizon_steps * control.period_s
+        self._horizon_s = control.horizon_s
         known = {name: at for name, at in rest_positions.items() if name in self._ids}
         self._rest_positions = {self._ids.index(name): np.array(at) for name, at in known.items()}
         self._off_track: set[int] = set()

@@ -69,7 +69,7 @@ class MissionPhases:
     def set_mission(self, mission: Mission, law: ControlLaw, coverage: FlownMap) -> None:
         """Continue with a version of the mission, its law and its map."""
         self._law, self._coverage, self.done = law, coverage, False
-        self._horizon_s = mission.spec.control.horizon_steps * mission.spec.control.period_s
+        self._horizon_s = mission.spec.control.horizon_s
         self._completion = Completion(mission, coverage, self._supervisor, self._mission_clock)
 
     def act(self, *, stalled: bool) -> None:

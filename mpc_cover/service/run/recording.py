@@ -64,14 +64,14 @@ def merge(
     time = _instants(motions, first, last)
     states = [motion.at(time, 0.0) for motion in motions]
     middle = 0.5 * (time[:-1] + time[1:])
-    position = np.stack([q for q, _ in states], axis=1)
+    position, velocity = (np.stack(part, axis=1) for part in zip(*states, strict=True))
     return Recording(
         time=time - first,
         position=position,
-        velocity=np.stack([v for _, v in states], axis=1),
+        velocity=velocity,
         input=np.stack([motion.input_at(middle, 0.0) for motion in motions], axis=1),
         cell=mission.field.cell,
-        covered_at=measured_at(mission, time - first, position),
+        covered_at=measured_at(mission, time - first, position, velocity),
         agent_id=mission.fleet.ids,
         mission=mission,
         meta={**meta, "lost": {name: end_s - first for name, end_s in ends.items()}} if ends else meta,
