@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.model.tolerances import AT_REST
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion
 from mpc_cover.planning.initial_guess.formation import FormationFlight
@@ -32,8 +33,14 @@ _SEARCH = Search(starts=2, finalists=1)
 
 
 def extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> Candidate:
-    """Return a candidate extended from its end at rest to the demand that it leaves, as far as a motion is found."""
-    for _ in range(_EXTENSIONS):
+    """Return a candidate extended from its end at rest to the demand that it leaves, as far as a motion is found.
+
+    Anytime; a fleet at rest, which would stay there without it, is given one extension in any case.
+    """
+    moving = np.abs(task.velocity).max() > AT_REST
+    for number in range(_EXTENSIONS):
+        if budget.exhausted and (number > 0 or moving):
+            break
         weight = task.remaining_after(candidate.plan)
         if not (weight > 0.0).any():
             break

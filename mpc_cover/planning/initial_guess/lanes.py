@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _INSET = 0.75
 """Distance by which lanes end before the last cell, in sensing radii; a plain choice."""
-_LONG_LANE, _CORNER_SHARE = 12.0, 0.8
+_LONG_LANE, _CORNER_SHARE = 24.0, 0.8
 """Length of lanes, in sensing radii, that end so near that the corners are measured, and the part of the distance that
 is left of the radius there; plain choices."""
 _SLOW_HALF_WIDTH, _SLOW_INSET = 0.72, 0.5

@@ -24,10 +24,10 @@ _MAX_STEPS, _MAX_PATHS = 2000, 3.0
 speed, whichever are more; plain choices."""
 _ARRIVED_STEPS, _ARRIVED_M = 0.2, 0.05
 """Distance at which a last waypoint counts as reached: part of a step at full speed plus a length [m]; plain choice."""
-_CUT_MAX = 0.75
+_CUT_MAX = 1.0
 """Distance from a waypoint at which an agent turns, at the most, in sensing radii: what it cuts off is still measured
 nearly everywhere. Plain choice."""
-_LONG_LEG, _AHEAD = 12.0, 3.0
+_LONG_LEG, _AHEAD = 24.0, 3.0
 """Length of legs, in sensing radii, that are followed along their line, and how far ahead on it agents aim; plain
 choices."""
 _TURN_SHARE = 0.7
