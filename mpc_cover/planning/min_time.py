@@ -11,7 +11,8 @@ import numpy as np
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion, guess_priority
 from mpc_cover.planning.initial_guess.formation import FormationFlight
-from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
+from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin, rest_guess
+from mpc_cover.planning.initial_guess.plan_repair import motion_with_detours, waypoints_of
 from mpc_cover.planning.initial_guess.tour import tour_guess
 from mpc_cover.planning.multistart import Search, multistart, systematic_guesses
 from mpc_cover.planning.segment_refinement import SEGMENT_STEPS, refine_segments
@@ -112,7 +113,7 @@ def plan_free_horizon(
         if steps in {too_short, shortest}:
             break
     found.sort(key=lambda candidate: candidate.rank)
-    finished = [_extended(task, candidate, backend, budget) for candidate in found[:_EXTENDED] if candidate.feasible]
+    finished = [one for candidate in found[:_EXTENDED] for one in _finished(task, candidate, backend, budget)]
     return min([*finished, *found], key=lambda candidate: candidate.rank)
 
 
@@ -142,7 +143,7 @@ def _plan_large(task: Task, backend: Backend, evaluated: list[Candidate], budget
         if found[-1].feasible:
             break
     found += [guess for guess in guesses if guess.feasible]
-    finished = [_extended(task, candidate, backend, budget) for candidate in found if candidate.feasible]
+    finished = [one for candidate in found for one in _finished(task, candidate, backend, budget)]
     return min([*finished, *found], key=lambda candidate: candidate.rank)
 
 
@@ -213,6 +214,20 @@ def _names(candidates: list[Candidate]) -> tuple[str, ...]:
     """Return the names of the best moving candidates, without repetition."""
     moving = (candidate.origin.name for candidate in candidates if candidate.kind is not GuessKind.REST)
     return tuple(dict.fromkeys(moving))[:_KEPT_NAMES]
+
+
+def _finished(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> list[Candidate]:
+    """Return what a feasible candidate that leaves cells becomes with detours to them, and with a way back to them."""
+    if candidate.covers or not candidate.feasible:
+        return []
+    found = [_extended(task, candidate, backend, budget)]
+    detours = motion_with_detours(task, candidate.plan, waypoints_of(candidate.plan))
+    if detours is not None and candidate.kind is not GuessKind.REST:
+        origin = candidate.origin._replace(name=f"{candidate.origin.name}, with detours")
+        budget.charge(GUESS_SAMPLE_S * detours.steps)
+        passing = evaluate_guess(task, Guess(origin, motion=detours))
+        found += [passing, _extended(task, passing, backend, budget)] if passing.feasible else []
+    return found
 
 
 def _extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> Candidate:
