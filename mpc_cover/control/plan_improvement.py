@@ -1,6 +1,7 @@
 """The receding-horizon step: the segment of the mission plan within the horizon is optimised from the newest state.
 
-A segment that covers all its demand is shortened by a sample; another one is improved in coverage. The result is
+Cells that the segment passes, and to which the plan would come back at its end, are taken in passing if possible. Else
+a segment that covers all its demand is shortened by a sample; another one is improved in coverage. The result is
 accepted only if it is as safe as the known plan, also when an agent misses the message or stops without warning.
 """
 
@@ -11,13 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.control.horizon import horizon_ocp, optimised_steps, spliced
+from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.model.look_instants import inter_sample
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.planning.segment_refinement import resampled
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.control.demand_allocation import DemandAllocation
     from mpc_cover.control.planning_constraints import PlanningConstraints
     from mpc_cover.information.demand import DemandMap
@@ -32,6 +34,11 @@ _BUDGET_SHARE = 0.3
 """Part of the budget of a step that improvement may use; a plain choice, enough for a plan that is good already."""
 _MIN_STEPS = 2
 """Segments of no more than so many samples are not shortened; a plain choice."""
+_TAIL_SHARE, _STRAGGLERS_SHARE = 0.1, 0.02
+"""The last part of a mission plan, and the part of all cells that it alone covers, at which that is a way back to cells
+left behind. Plain choices: regular work covers its share of the cells."""
+_PASSED_RADII = 1.5
+"""Distance in sensing radii at which a segment passes a cell; a plain choice of what a small detour reaches."""
 
 
 class PlanImprovement:
@@ -62,6 +69,10 @@ class PlanImprovement:
         plan = _of_whole_steps(plan, parts)
         segment = optimised_steps(plan, fleet, self._constraints.horizon)
         segment = max(segment // parts, 1) * parts
+        if parts == 1:
+            taken = self._taken_in_passing(plan, segment, state, coverage, incumbent, budget)
+            if taken is not None:
+                return taken, "cells taken in passing"
         # unless the plan ends there, the segment's end is given: the rest of the plan takes what is passed from it on
         rest = plan.slice(segment, plan.steps)
         between = inter_sample(rest, fleet.look_instants) if rest.steps else None
@@ -89,6 +100,51 @@ class PlanImprovement:
             if self._is_safe(improved, plan, state, incumbent):
                 return improved, "a sample sooner" if sooner else "more coverage"
         return plan, "no sample sooner" if sooner else "no better"
+
+    def _taken_in_passing(
+        self,
+        plan: Trajectory,
+        segment: int,
+        state: FleetState,
+        coverage: DemandMap,
+        incumbent: Trajectory | None,
+        budget: Budget,
+    ) -> Trajectory | None:
+        """Return the plan with a segment that also covers what the plan would come back for, or None.
+
+        Where that is all that it would come back for, the segment may take a sample more: the way back is longer.
+        """
+        fleet, begin = self._constraints.planned, plan.steps - round(_TAIL_SHARE * plan.steps)
+        if segment >= begin:
+            return None
+        before_tail, looks = self._allocation.left(coverage, state, plan.position[segment + 1 : begin], fleet.radius)
+        if looks is not None:
+            return None
+        owed = before_tail * self._constraints.reachable
+        late = remaining_weight(plan.position[: segment + 1], self._cell, fleet.radius, owed)
+        few = max(1, round(_STRAGGLERS_SHARE * self._cell.shape[0]))
+        if not 0 < np.count_nonzero(late) <= few:
+            return None
+        passed = self._passed(plan, segment, late)
+        if not (late * passed).any():
+            return None
+        demand = np.where((late > 0.0) & ~passed, 0.0, owed), None
+        all_passed = not (late * ~passed).any()
+        for steps in (segment, segment + 1) if all_passed else (segment,):
+            ocp = horizon_ocp(plan, fleet, self._cell, demand, segment, steps)
+            x = ocp.decision(plan.position[0], resampled(plan.velocity[: segment + 1], steps))
+            found = self._planner.polish(ocp, x, _MAX_QPS, budget.part(_BUDGET_SHARE))
+            if found.complete:
+                taken = spliced(plan, ocp.motion(found.x)[1], segment)
+                if self._is_safe(taken, plan, state, incumbent):
+                    return taken
+        return None
+
+    def _passed(self, plan: Trajectory, segment: int, late: FloatArray) -> BoolArray:
+        """Return (J, K): the cells of `late` (J, K) that an agent which can measure them passes in the segment."""
+        radius = _PASSED_RADII * self._constraints.planned.radius
+        left = remaining_weight(plan.position[: segment + 1], self._cell, radius, late)
+        return np.asarray((late > 0.0) & (left == 0.0))
 
     def _is_safe(self, plan: Trajectory, known: Trajectory, state: FleetState, incumbent: Trajectory | None) -> bool:
         """Return whether a plan satisfies the bounds, also if an agent misses it, and is passively safe."""

@@ -16,7 +16,8 @@ from mpc_cover.model.tolerances import AT_REST
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion
 from mpc_cover.planning.initial_guess.formation import FormationFlight
-from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
+from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
+from mpc_cover.planning.initial_guess.plan_repair import motion_with_detours, waypoints_of
 from mpc_cover.planning.initial_guess.staggered_tour import StaggeredTour
 from mpc_cover.planning.multistart import Search, multistart
 
@@ -30,6 +31,25 @@ _EXTENSIONS = 6
 """Extensions of a plan, each to what the one before leaves; a plain choice."""
 _SEARCH = Search(starts=2, finalists=1)
 """The search for an extension where no motion is feasible as it is; a plain choice of the least effort."""
+
+
+def completions(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> list[Candidate]:
+    """Return what a candidate becomes with a way back to the cells that it leaves, and with detours to them.
+
+    None if it leaves none; at least one otherwise, which may be the candidate itself.
+    """
+    if candidate.covers:
+        return []
+    found = [extended(task, candidate, backend, budget)]
+    if candidate.kind is GuessKind.REST:
+        return found
+    detours = motion_with_detours(task, candidate.plan, waypoints_of(candidate.plan))
+    if detours is not None:
+        origin = candidate.origin._replace(name=f"{candidate.origin.name}, with detours")
+        budget.charge(GUESS_SAMPLE_S * detours.steps)
+        passing = evaluate_guess(task, Guess(origin, motion=detours))
+        found += [passing, extended(task, passing, backend, budget)] if passing.feasible else []
+    return found
 
 
 def extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> Candidate:

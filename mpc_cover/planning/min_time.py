@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion, guess_priority
-from mpc_cover.planning.extension import extended
+from mpc_cover.planning.extension import completions
 from mpc_cover.planning.initial_guess.guess import GuessKind, rest_guess
 from mpc_cover.planning.multistart import Search, multistart, systematic_guesses
 from mpc_cover.planning.segment_refinement import SEGMENT_STEPS, refine_segments
@@ -113,7 +113,7 @@ def _finished(task: Task, found: list[Candidate], backend: Backend, budget: Budg
     for candidate in sorted((one for one in found if one.feasible), key=_extension_order)[:_EXTENDED]:
         if finished and budget.exhausted:
             break
-        finished.append(extended(task, candidate, backend, budget))
+        finished += completions(task, candidate, backend, budget)
     return min([*finished, *found], key=lambda candidate: candidate.rank)
 
 

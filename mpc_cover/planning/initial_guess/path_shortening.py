@@ -56,31 +56,35 @@ def shortened(path: FloatArray, cell: FloatArray, distance: float) -> FloatArray
 
 
 def _one_pass(path: FloatArray, cell: FloatArray, near: float) -> FloatArray:
-    """Remove or move each waypoint in turn, the two ends excepted."""
+    """Remove or move each waypoint in turn, the two ends excepted.
+
+    Of a leg that is moved, only cells that the two legs before passed count as passed: others may be passed as well,
+    which the next pass sees.
+    """
     passed = np.array([leg_distance(cell, a, b)[0] <= near for a, b in pairwise(path)])
     count = passed.sum(axis=0)
     points = path.copy()
     kept, row = [0], 0  # `row` of `passed` is the leg that ends at the waypoint in turn
     for k in range(1, len(path) - 1):
         before, here, after = points[kept[-1]], points[k], points[k + 1]
-        only = np.flatnonzero((passed[row] | passed[k]) & (count == passed[row].astype(int) + passed[k]))
-        needed = cell[only]
-        if (leg_distance(needed, before, after)[0] <= near).all():
-            count -= passed[row].astype(int) + passed[k]
-            passed[k] = leg_distance(cell, before, after)[0] <= near
-            count += passed[k]
+        local = np.flatnonzero(passed[row] | passed[k])
+        own = passed[row, local].astype(int) + passed[k, local]
+        only, some = count[local] == own, cell[local]
+        reach = leg_distance(some, before, after)[0] <= near
+        if reach[only].all():
+            passed[k] = False
+            passed[k, local] = reach
+            count[local] += reach - own
             row = k
             continue
         chord = after - before
         part = np.clip((here - before) @ chord / max(float(chord @ chord), DIVISOR_MIN), 0.0, 1.0)
         for pull in _PULLS:
             place = here + pull * (before + part * chord - here)
-            reach = np.minimum(leg_distance(needed, before, place)[0], leg_distance(needed, place, after)[0])
-            if (reach <= near).all():
-                count -= passed[row].astype(int) + passed[k]
-                passed[row] = leg_distance(cell, before, place)[0] <= near
-                passed[k] = leg_distance(cell, place, after)[0] <= near
-                count += passed[row].astype(int) + passed[k]
+            first, second = (leg_distance(some, a, b)[0] <= near for a, b in ((before, place), (place, after)))
+            if (first | second)[only].all():
+                passed[row, local], passed[k, local] = first, second
+                count[local] += first.astype(int) + second - own
                 points[k] = place
                 break
         kept.append(k)

@@ -78,14 +78,13 @@ def _band(turned: FloatArray, row: IntArray, left: BoolArray, first: np.intp, ac
     """
     taken = np.zeros(len(turned), dtype=bool)
     lowest = turned[left & (row == row[first]), 1].min()
-    near = left & (turned[:, 1] <= lowest + 2.0 * across * (1.0 + _ROUNDING))
+    near = np.flatnonzero(left & (turned[:, 1] <= lowest + 2.0 * across * (1.0 + _ROUNDING)) & (row >= row[first]))
+    rows, order = row[near], np.lexsort((turned[near, 0], row[near]))
     low = high = turned[first, 0]
     bounds: tuple[float, float] | None = None
-    for number in np.unique(row[near & (row >= row[first])]):
-        some = np.flatnonzero(near & (row == number))
+    near, rows = near[order], rows[order]
+    for some in np.split(near, np.flatnonzero(np.diff(rows)) + 1):  # row by row, along the lane
         along = turned[some, 0]
-        order = np.argsort(along, kind="stable")
-        some, along = some[order], along[order]
         run = np.concatenate([[0], np.cumsum(np.diff(along) > across)])
         overlapping = np.unique(run[(along >= low - across) & (along <= high + across)])
         inside = np.isin(run, overlapping)
