@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.errors import UserError
 from mpc_cover.service.protocol.keys import Keys
+from mpc_cover.service.protocol.messages import Phase
 from mpc_cover.service.protocol.network import LEASE_MS
 from mpc_cover.service.protocol.transport import open_transport
 from mpc_cover.service.run.daemon import Signals, run
@@ -189,8 +190,8 @@ def run_agent_process(
 
 
 def say(text: str) -> None:
-    """Write a line to stderr at once."""
-    sys.stderr.write(f"{text}\n")
+    """Write a line to stderr at once, with the local time."""
+    sys.stderr.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {text}\n")
     sys.stderr.flush()
 
 
@@ -233,11 +234,12 @@ def _controller(
 
 
 class _StatusLines:
-    """Writes the controller's status periodically."""
+    """Writes the controller's status periodically; outside of a flight, only when it says something else."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._due_s = 0.0
+        self._last = ""
 
     def after_tick(self) -> None:
         status = self._controller.heartbeat.status
@@ -245,11 +247,14 @@ class _StatusLines:
             return
         self._due_s = time.monotonic() + STATUS_EVERY_S
         covered = 100 * status.covered_count // status.cell_count
-        say(
+        line = (
             f"{status.phase}: {status.mission_time_s:.1f} s, {covered} % covered, "
             f"step {status.step_ms:.0f} ms, {status.deadline_misses} deadlines missed"
             + (f"; {status.text}" if status.text != status.phase else "")
         )
+        if line != self._last or status.phase is Phase.FLYING:
+            self._last = line
+            say(line)
 
 
 def follow_parent(wanted: bool, stop: Event) -> None:
