@@ -168,7 +168,7 @@ class FileCheckpoints:
         return self._folder.path / f"mission.{fingerprint[:16]}.json"
 
     def _keep_mission(self) -> None:
-        """Write the present version of the mission, from which a later one takes over; remove all but the newest few."""
+        """Write the present version of the mission, for a later one to take over; remove all but the newest few."""
         file = self._mission_file(self._mission)
         if self._written == self._mission:
             return
