@@ -11,6 +11,7 @@ from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
 from mpc_cover.information.replay import measured_at
 from mpc_cover.model.fleet_constraints import FleetConstraints
+from mpc_cover.model.local_frame import LocalFrame
 from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.min_time import FAILURES
 from mpc_cover.planning.multistart import Search
@@ -77,12 +78,13 @@ def plan_mission(
         Unknown back-end, or no motion was found that satisfies the constraints.
     """
     options = options or PlanOptions()
-    planner, task = Planner(options.backend), offline_task(mission)
+    planner, frame = Planner(options.backend), LocalFrame.of(mission)
+    task = offline_task(mission, frame)
     steps = round(mission.spec.planning.duration_s / task.period)
     limit_s = options.time_limit_s
     budget = Budget.unlimited() if limit_s is None else Budget.wall_clock(limit_s)
     search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
-    best, interrupted = _Best(task.period, on_progress), False
+    best, interrupted = _Best(task.period, frame.length, on_progress), False
     try:
         if options.min_time:
             found = planner.shortest(task, search, budget, best.note, failures=FAILURES if limit_s is None else None)
@@ -95,15 +97,19 @@ def plan_mission(
         found, interrupted = best.found, True
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
-    return _recording(mission, options, found, interrupted=interrupted)
+    return _recording(mission, options, frame, found, interrupted=interrupted)
 
 
-def offline_task(mission: Mission) -> Task:
-    """Return the task of covering a mission from scratch."""
-    fleet, planning = mission.fleet, mission.spec.planning
-    demand = make_map(mission).demand(0.0, np.full_like(fleet.start, np.nan))  # no cell is in range before the start
+def offline_task(mission: Mission, frame: LocalFrame | None = None) -> Task:
+    """Return the task of covering a mission from scratch, in metres or in a local frame."""
+    planning = mission.spec.planning
+    nowhere = np.full_like(mission.fleet.start, np.nan)  # no cell is in range before the start
+    demand = make_map(mission).demand(0.0, nowhere)
     end = End(planning.end)
     goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if end is End.FIXED else None
+    if frame is not None:
+        mission, goal = frame.mission(mission), None if goal is None else frame.position(goal)
+    fleet = mission.fleet
     return Task(
         FleetConstraints.of(fleet),
         mission.field.cell,
@@ -122,16 +128,16 @@ def offline_task(mission: Mission) -> Task:
 class _Best:
     """Keeps the best of the plans that a search tells of, and passes the news on as lines of text."""
 
-    def __init__(self, period: float, on_progress: Callable[[str], None] | None) -> None:
+    def __init__(self, period: float, unit_m: float, on_progress: Callable[[str], None] | None) -> None:
         self.found: Candidate | None = None
-        self._period, self._on_progress = period, on_progress
+        self._period, self._unit_m, self._on_progress = period, unit_m, on_progress
 
     def note(self, steps: int, candidate: Candidate) -> None:
         """Take in a plan of so many steps: a shorter one is better where both cover everything."""
         if candidate.feasible and (self.found is None or self._merit(candidate) <= self._merit(self.found)):
             self.found = candidate
         if self._on_progress is not None:
-            outcome = "covers everything" if candidate.complete else f"J = {candidate.cost:.4g} m"
+            outcome = "covers everything" if candidate.complete else f"J = {self._unit_m * candidate.cost:.4g} m"
             self._on_progress(f"{steps * self._period:.4g} s: {outcome} ({candidate.origin.name})")
 
     @staticmethod
@@ -139,8 +145,11 @@ class _Best:
         return not candidate.complete, candidate.plan.steps if candidate.complete else candidate.cost
 
 
-def _recording(mission: Mission, options: PlanOptions, found: Candidate, *, interrupted: bool) -> Recording:
-    plan = found.plan
+def _recording(
+    mission: Mission, options: PlanOptions, frame: LocalFrame, found: Candidate, *, interrupted: bool
+) -> Recording:
+    given = mission.spec.planning.start == "fixed"
+    plan = frame.metric(found.plan, mission.fleet.start if given else None)
     return Recording(
         time=plan.time,
         position=plan.position,
@@ -155,7 +164,7 @@ def _recording(mission: Mission, options: PlanOptions, found: Candidate, *, inte
             "version": __version__,
             "seed": options.seed,
             "backend": options.backend,
-            "cost_m": found.cost,
+            "cost_m": frame.length * found.cost,
             "guess": found.origin.name,
             **_solver_meta(found),
             **({"interrupted": True, "stopped": "Interrupted: the best plan until then."} if interrupted else {}),

@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.service.agent.schedule import START_TOLERANCE, Plant, Schedule
+from mpc_cover.model.tube import start_tolerance
+from mpc_cover.service.agent.schedule import Plant, Schedule
 from mpc_cover.service.controller.plan_publisher import UnknownPlanError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.fleet import Fleet
     from mpc_cover.service.agent.recorder import Recorder
     from mpc_cover.service.agent.schedule import ScheduledPlan
     from mpc_cover.service.agent.vehicle import MotionState
@@ -32,12 +34,14 @@ class FlightRecord:
 
     Parameters
     ----------
-    recorders, input_max : a recorder and the input limit [m/s^2] of each agent.
+    recorders : a recorder of each agent.
+    fleet : the agents.
     find : returns the plan with an id that was sent to an agent, by its number.
     """
 
-    def __init__(self, recorders: Sequence[Recorder], input_max: FloatArray, find: FindPlan) -> None:
-        self._recorders, self._input_max, self._find = recorders, input_max, find
+    def __init__(self, recorders: Sequence[Recorder], fleet: Fleet, find: FindPlan) -> None:
+        self._recorders, self._input_max, self._find = recorders, fleet.input_max, find
+        self._tolerance = start_tolerance(fleet)
         self._last_s = [-np.inf] * len(recorders)
 
     def add(self, index: int, link: AgentLink) -> None:
@@ -81,7 +85,7 @@ class FlightRecord:
         plant.advance(after.time_s, schedule)
         position, velocity = _planned(after)
         off = max(np.abs(plant.position - position).max(), np.abs(plant.velocity - velocity).max())
-        return pieces if off <= START_TOLERANCE else _fitted(before, after)
+        return pieces if off <= self._tolerance else _fitted(before, after)
 
 
 def _planned(state: State) -> MotionState:
