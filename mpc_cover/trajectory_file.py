@@ -26,6 +26,7 @@ class RecordingKind(StrEnum):
     PLAN = "plan"
     SIMULATE = "simulate"
     DEMO = "demo"
+    SERVE = "serve"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from mpc_cover.cli.network_options import Config, Connect, Listen, Timeout, WithParent, network_options
-from mpc_cover.cli.options import Backend, MissionArgument, Seed, Speed, check_backend, check_speed, load
+from mpc_cover.cli.options import Backend, MissionArgument, RunOut, Seed, Speed, check_backend, check_speed, load
 
 StepLog = Annotated[Path | None, typer.Option("--step-log", hidden=True, help="Append each step's figures here.")]
 
@@ -25,6 +25,7 @@ def serve(
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start afresh, whatever the checkpoint says.")] = False,
     stay: Annotated[bool, typer.Option("--stay", help="Go on answering after the mission is complete.")] = False,
+    out: RunOut = None,
     seed: Seed = 0,
     backend: Backend = "piqp",
     speed: Speed = 1.0,
@@ -32,6 +33,8 @@ def serve(
     with_parent: WithParent = False,
 ) -> None:
     """Control a mission: wait for its agents, plan, and send them plans until everything is covered.
+
+    What was flown is left in a run folder, as `demo` leaves one; after a restart, what was flown since.
 
     Without -e, -l and --config it listens on tcp/127.0.0.1:7474, where `mpc-cover agent` looks for it.
     """
@@ -45,5 +48,5 @@ def serve(
     loaded = load(mission)
     require_double(loaded)  # before anything listens
     network = network_options(connect, listen, config, connect_timeout, default_listen=DEFAULT_ENDPOINT)
-    options = ServeOptions(backend, seed, speed, state_dir, fresh, stay, step_log, with_parent)
+    options = ServeOptions(backend, seed, speed, state_dir, fresh, stay, step_log, with_parent, out)
     raise typer.Exit(run_serve(loaded, options, network))

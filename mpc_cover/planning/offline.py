@@ -85,7 +85,7 @@ def plan_mission(
     limit_s = options.time_limit_s
     budget = Budget.unlimited() if limit_s is None else Budget.wall_clock(limit_s)
     search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
-    best, interrupted = _Best(task.period, frame, on_progress), False
+    best, interrupted = _Best(task.period, frame.length, on_progress), False
     try:
         if options.min_time:
             found = planner.shortest(task, search, budget, best.note, failures=FAILURES if limit_s is None else None)
@@ -129,16 +129,16 @@ def offline_task(mission: Mission, frame: LocalFrame | None = None) -> Task:
 class _Best:
     """Keeps the best of the plans that a search tells of, and passes the news on as lines of text."""
 
-    def __init__(self, period: float, frame: LocalFrame, on_progress: Callable[[str], None] | None) -> None:
+    def __init__(self, period: float, unit_m: float, on_progress: Callable[[str], None] | None) -> None:
         self.found: Candidate | None = None
-        self._period, self._frame, self._on_progress = period, frame, on_progress
+        self._period, self._unit_m, self._on_progress = period, unit_m, on_progress
 
     def note(self, steps: int, candidate: Candidate) -> None:
         """Take in a plan of so many steps: a shorter one is better where both cover everything."""
         if candidate.feasible and (self.found is None or self._merit(candidate) <= self._merit(self.found)):
             self.found = candidate
         if self._on_progress is not None:
-            outcome = "covers everything" if candidate.complete else f"J = {self._frame.length * candidate.cost:.4g} m"
+            outcome = "covers everything" if candidate.complete else f"J = {self._unit_m * candidate.cost:.4g} m"
             self._on_progress(f"{steps * self._period:.4g} s: {outcome} ({candidate.origin.name})")
 
     @staticmethod

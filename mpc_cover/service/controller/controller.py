@@ -19,6 +19,7 @@ from mpc_cover.planning.budget import Budget
 from mpc_cover.service.controller.commands import CommandServer, Decision
 from mpc_cover.service.controller.control_step import ControlStep
 from mpc_cover.service.controller.fleet_supervisor import FleetSupervisor
+from mpc_cover.service.controller.flight_record import FlightRecord
 from mpc_cover.service.controller.heartbeat import Heartbeat
 from mpc_cover.service.controller.measurement_update import MeasurementUpdate
 from mpc_cover.service.controller.mission_clock import MissionClock
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from mpc_cover.clock import Clock
     from mpc_cover.control.control_law import ControlLaw
     from mpc_cover.mission.load import Mission
+    from mpc_cover.service.agent.recorder import Recorder
     from mpc_cover.service.controller.snapshot import CheckpointStore, Snapshot
     from mpc_cover.service.protocol.bus import Transport
 
@@ -63,6 +65,7 @@ class Controller:
     versions : fingerprints of earlier versions of the mission.
     step_log : records the control steps.
     say : called with the text of each event.
+    recorders : record each agent's motion, as far as the controller knows it; none where left out.
 
     Attributes
     ----------
@@ -90,6 +93,7 @@ class Controller:
         versions: Sequence[str] = (),
         step_log: StepLog | None = None,
         say: Callable[[str], None] | None = None,
+        recorders: Sequence[Recorder] = (),
     ) -> None:
         self.mission, self.law = mission, law
         self.step_log = step_log or StepLog()
@@ -107,6 +111,8 @@ class Controller:
         self.fleet_monitor, self._law_for = self._measurements.monitor, law_for
         self.fleet_monitor.earlier_versions = list(versions)
         self._publisher = PlanPublisher(mission, transport, epoch, identity)
+        self._record = FlightRecord(recorders, mission.fleet, self._publisher.find) if recorders else None
+        self.fleet_monitor.on_state = self._record.add if self._record else None
         self.supervisor = FleetSupervisor(
             mission,
             self.fleet_monitor,
@@ -199,6 +205,8 @@ class Controller:
         self._save(now=True)
         self._checkpoints.close()
         self.step_log.close()
+        if self._record is not None:
+            self._record.close(self.fleet_monitor.links, self._clock.now())
 
     def _receive(self) -> None:
         self._measurements.update()

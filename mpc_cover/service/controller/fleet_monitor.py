@@ -13,6 +13,8 @@ from mpc_cover.service.protocol.fingerprint import mission_hash
 from mpc_cover.service.protocol.keys import Keys, agent_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.protocol.bus import Received, Transport
@@ -123,6 +125,7 @@ class FleetMonitor:
     links : the link to each agent.
     rejected : states that were rejected, by reason.
     restarted : ids of the agents whose process was seen for the first time in the last `receive`.
+    on_state : called with number and link of an agent after each accepted state.
     others : by id, the last other process of an agent that was turned away, as its id is taken.
     """
 
@@ -137,6 +140,7 @@ class FleetMonitor:
         self.restarted: list[str] = []
         self._known: dict[str, int] = {}
         self.others: dict[str, str] = {}
+        self.on_state: Callable[[int, AgentLink], None] | None = None
         self._index = {name: index for index, name in enumerate(fleet.ids)}
         self._shape = fleet.start.shape
         self.speed, self._mission = speed, mission_hash(mission)
@@ -185,6 +189,8 @@ class FleetMonitor:
         self._check_instance(self.links[index], state, item.received_s)
         if self.links[index].accept(state, item.received_s):
             self.restarted.append(state.agent)
+        if self.on_state is not None:
+            self.on_state(index, self.links[index])
         return index, state
 
     def _check_instance(self, link: AgentLink, state: State, now_s: float) -> None:

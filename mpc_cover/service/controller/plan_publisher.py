@@ -100,8 +100,8 @@ class PlanPublisher:
             It reports a plan that is not known here.
         """
         assert link.state is not None
-        schedule = Schedule(float(self._input_max[index]), self._find(index, link.state.plan))
-        if queued := self._find(index, link.state.next_plan):
+        schedule = Schedule(float(self._input_max[index]), self.find(index, link.state.plan))
+        if queued := self.find(index, link.state.next_plan):
             schedule.add(queued)
         for plan in self._unreported(index, link, {link.state.plan, link.state.next_plan}):
             schedule.add(plan)
@@ -121,7 +121,14 @@ class PlanPublisher:
                 since.append(sent.plan)
         return since
 
-    def _find(self, index: int, ref: PlanRef | None) -> ScheduledPlan | None:
+    def find(self, index: int, ref: PlanRef | None) -> ScheduledPlan | None:
+        """Return the plan with an id that was sent to agent number `index`; None for no id.
+
+        Raises
+        ------
+        UnknownPlanError
+            It is not known here.
+        """
         if ref is None:
             return None
         for sent in self._sent[index]:

@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, TypeVar
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.errors import UserError
 from mpc_cover.service.protocol.keys import Keys
+from mpc_cover.service.protocol.messages import Phase
 from mpc_cover.service.protocol.network import LEASE_MS
 from mpc_cover.service.protocol.transport import open_transport
 from mpc_cover.service.run.daemon import Signals, run
+from mpc_cover.service.run.served_run import ServedRun
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,6 +52,7 @@ class ServeOptions:
     stay: bool = False
     step_log: Path | None = None
     with_parent: bool = False
+    out: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,9 @@ class AgentOptions:
 
 
 def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> int:
-    """Control a mission until it is over or a signal comes; return the exit status.
+    """Control a mission until it is over or a signal comes, and leave a run folder; return the exit status.
+
+    A demo's controller leaves none: the demo does.
 
     Raises
     ------
@@ -84,12 +89,15 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
             identity = uuid.uuid4().hex
             refuse_second(mission, transport, signals.stop)
             transport.announce(Keys(mission.spec.name).controller_instance(identity))  # before what takes a second
+            record = None if options.with_parent else ServedRun(mission, options, say)
             say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
-            controller = _controller(mission, options, folder, transport, clock, identity)
+            controller = _controller(mission, options, folder, transport, clock, identity, record)
             look_s = mission.spec.control.state_period_s
             run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s)
         finally:
             transport.close()
+        if record is not None:
+            record.write(controller)
         unfinished = not controller.done and not (options.stay and controller.exit_status == 0)
         return signals.exit_status if unfinished else controller.exit_status
 
@@ -189,8 +197,8 @@ def run_agent_process(
 
 
 def say(text: str) -> None:
-    """Write a line to stderr at once."""
-    sys.stderr.write(f"{text}\n")
+    """Write a line to stderr at once, with the local time."""
+    sys.stderr.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {text}\n")
     sys.stderr.flush()
 
 
@@ -201,6 +209,7 @@ def _controller(
     transport: Transport,
     clock: Clock,
     identity: str,
+    record: ServedRun | None,
 ) -> Controller:
     from mpc_cover.control.factory import make_control_law  # noqa: PLC0415 - heavy
     from mpc_cover.service.controller.checkpoint import FileCheckpoints  # noqa: PLC0415 - only here
@@ -227,17 +236,19 @@ def _controller(
         resume=resume,
         law_for=law_for,
         versions=checkpoints.versions,
-        step_log=StepLog(options.step_log),
+        step_log=StepLog(options.step_log or (record.step_log if record is not None else None)),
         say=say,
+        recorders=record.recorders if record is not None else (),
     )
 
 
 class _StatusLines:
-    """Writes the controller's status periodically."""
+    """Writes the controller's status periodically; outside of a flight, only when it says something else."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._due_s = 0.0
+        self._last = ""
 
     def after_tick(self) -> None:
         status = self._controller.heartbeat.status
@@ -245,11 +256,14 @@ class _StatusLines:
             return
         self._due_s = time.monotonic() + STATUS_EVERY_S
         covered = 100 * status.covered_count // status.cell_count
-        say(
+        line = (
             f"{status.phase}: {status.mission_time_s:.1f} s, {covered} % covered, "
             f"step {status.step_ms:.0f} ms, {status.deadline_misses} deadlines missed"
             + (f"; {status.text}" if status.text != status.phase else "")
         )
+        if line != self._last or status.phase is Phase.FLYING:
+            self._last = line
+            say(line)
 
 
 def follow_parent(wanted: bool, stop: Event) -> None:

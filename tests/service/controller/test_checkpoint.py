@@ -77,11 +77,12 @@ def test_generations_go_on_after_a_restart(folder, mission):
         assert checkpoints(folder, mission).load()[0].mission_time_s == time_s
 
 
-def test_another_mission_of_the_same_name_is_not_resumed(folder, mission):
-    checkpoints(folder, mission).save(snapshot(mission), now=True)
+def test_another_version_whose_time_is_up_starts_afresh(folder, mission):
+    checkpoints(folder, mission).save(snapshot(mission, 7.0), now=True)
     found, text = checkpoints(folder, small_mission(time_limit_s=5.0)).load()
     assert found is None
     assert "another version of this mission" in text
+    assert "starts afresh (control.time_limit_s 5 is over)" in text
 
 
 def test_a_finished_mission_starts_afresh_and_says_so(folder, mission):
@@ -111,3 +112,38 @@ def test_a_disk_that_is_full_is_told_and_the_older_one_stays(folder, mission, mo
     assert checkpoints(folder, mission).load()[0].mission_time_s == 1.0
     assert writer.save(snapshot(mission, 3.0), now=True) is None
     assert checkpoints(folder, mission).load()[0].mission_time_s == 3.0
+
+
+def test_of_another_version_for_the_same_fleet_what_still_holds_is_kept(folder):
+    mission, other = small_mission(height=6.0), small_mission()  # smaller, in fact: its box must not grow
+    kept = snapshot(mission, 7.0, origins={"a1-life": 93.5})
+    checkpoints(folder, mission).save(kept, now=True)
+    store = checkpoints(folder, other)
+    found, text = store.load()
+    assert "another version of this mission: goes on at mission time 7.0 s with what still holds of it" in text
+    assert found.map["first"].shape == (1, other.field.size)
+    seen = np.isfinite(kept.map["first"][0])
+    cells = {tuple(cell) for cell in other.field.cell[np.isfinite(found.map["first"][0])].round(6)}
+    both = {tuple(cell) for cell in other.field.cell.round(6)}
+    assert cells == {tuple(cell) for cell in mission.field.cell[seen].round(6)} & both
+    assert store.versions == found.versions
+    assert len(found.versions) == 1
+    assert found.origins == kept.origins
+    assert store.save(found, now=True) is None
+    assert checkpoints(folder, other).load()[0].mission_time_s == 7.0
+
+
+def test_a_mission_that_was_finished_goes_on_with_what_is_new_of_another_version(folder, mission):
+    checkpoints(folder, mission).save(snapshot(mission, 9.0, finished=True), now=True)
+    assert checkpoints(folder, mission).load()[0] is None
+    found, _ = checkpoints(folder, small_mission(height=6.0)).load()
+    assert not found.finished
+
+
+def test_agents_of_another_version_are_known_only_if_they_may_fly_this_one(folder, mission):
+    """What was measured holds all the same."""
+    checkpoints(folder, mission).save(snapshot(mission, 3.0), now=True)
+    store = checkpoints(folder, small_mission(reach=2.0))
+    found, _ = store.load()
+    assert np.isfinite(found.map["first"]).sum() == 3
+    assert store.versions == []
