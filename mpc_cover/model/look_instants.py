@@ -56,7 +56,7 @@ AT_SAMPLES = LookInstants()
 
 
 def measures_on_the_way(mission: Mission) -> bool:
-    """Return whether what is passed between samples and reports counts: by continuous sensing, if one look is enough."""
+    """Return whether what is passed between samples and reports counts: by continuous sensing if one look suffices."""
     return mission.spec.sensing is Sensing.CONTINUOUS and not mission.spec.looks_again
 
 

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 Raw = dict[str, Any]
 """A mission as it is read from YAML."""
 
-_LENGTH_UNITS = ("_m", "_m_per_s", "_m_per_s2")
-"""Endings of the names of quantities that are proportional to a length."""
+_POWERS = {"_m": 1, "_m_per_s": 1, "_m_per_s2": 1, "_m2_per_s": 2}
+"""Powers of a length by the endings of names."""
 
 
 def moved(raw: Raw, offset: Sequence[float]) -> Raw:
@@ -33,7 +33,7 @@ def rotated(raw: Raw, angle: float) -> Raw:
 
 def scaled(raw: Raw, factor: float) -> Raw:
     """Return the mission with all lengths, speeds and accelerations times `factor`: it takes the same time."""
-    return {key: _scaled(value, factor, length=False) for key, value in raw.items()}
+    return {key: _scaled(value, factor, _power(key)) for key, value in raw.items()}
 
 
 def renumbered(raw: Raw, order: Sequence[int]) -> Raw:
@@ -76,17 +76,18 @@ def _mapped(raw: Raw, move: Callable[[FloatArray], FloatArray]) -> Raw:
     return changed
 
 
-def _scaled(value: Any, factor: float, *, length: bool) -> Any:
-    """Return plain data with the numbers under names of lengths times `factor`."""
+def _scaled(value: Any, factor: float, power: int) -> Any:
+    """Return plain data times a power of the factor; the names within it have powers of their own."""
     match value:
         case dict():
-            return {
-                key: _scaled(item, factor, length=length or str(key).endswith(_LENGTH_UNITS))
-                for key, item in value.items()
-            }
+            return {key: _scaled(item, factor, power or _power(str(key))) for key, item in value.items()}
         case list() | tuple():
-            return [_scaled(item, factor, length=length) for item in value]
-        case int() | float() if length and not isinstance(value, bool):
-            return value * factor
+            return [_scaled(item, factor, power) for item in value]
+        case int() | float() if power and not isinstance(value, bool):
+            return value * factor**power
         case _:
             return value
+
+
+def _power(name: str) -> int:
+    return next((power for ending, power in _POWERS.items() if name.endswith(ending)), 0)
