@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from mpc_cover.control.control_law import PlanSource, Proposal
@@ -13,6 +14,12 @@ if TYPE_CHECKING:
     from mpc_cover.model.trajectory import Trajectory
 
 
+_HORIZONS = (1, 2, 3)
+"""Lengths of proposals that are tried, in horizons; a plain choice. Lost agents are waited for as long."""
+_TRIED = 5
+"""Beginnings that are tried for each further horizon; a plain choice, as neighbours mostly fail alike."""
+
+
 def best_proposal(
     constraints: PlanningConstraints,
     state: FleetState,
@@ -20,11 +27,20 @@ def best_proposal(
     incumbent: Trajectory | None,
     reason: str,
 ) -> Proposal:
-    """Return the horizon of the mission plan, ended at rest and verified; else the shifted incumbent, or braking."""
+    """Return the horizon of the mission plan, ended at rest and verified; else the shifted incumbent, or braking.
+
+    With weak inputs straight braking takes most of a horizon and may end at a wall wherever it begins in it: then a
+    longer beginning of the plan is proposed, up to all of it, which ends at rest and is verified as a whole.
+    """
     if plan is not None:
-        for trajectory in ended_at_rest(plan, constraints.planned, constraints.horizon):
-            if constraints.keeps(trajectory, state):
-                return Proposal(trajectory, PlanSource.NEW, reason)
+        for horizons in _HORIZONS:
+            horizon = horizons * constraints.horizon
+            every = 1 if horizons == 1 else max(1, constraints.horizon // _TRIED)
+            for trajectory in islice(ended_at_rest(plan, constraints.planned, horizon), 0, None, every):
+                if constraints.keeps(trajectory, state):
+                    return Proposal(trajectory, PlanSource.NEW, reason)
+            if plan.steps <= horizon:
+                break
     reason = "no new plan passed the verifier"
     shifted = _shifted(constraints, state, incumbent)
     return Proposal(shifted, PlanSource.SHIFTED, reason) if shifted else _brake(constraints, state, reason)

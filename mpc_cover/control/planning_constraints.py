@@ -12,11 +12,10 @@ from mpc_cover.control.constraint_relaxation import attainable_bounds, strict_bo
 from mpc_cover.control.obstacle_trajectories import path_among
 from mpc_cover.control.reachability import reachable
 from mpc_cover.control.stopping import stopping_motions
-from mpc_cover.mission.config import Sensing
 from mpc_cover.model.braking import braking_trajectory
 from mpc_cover.model.constraint_tightening import slowed, tightened, without_lost
 from mpc_cover.model.fleet_constraints import FleetConstraints
-from mpc_cover.model.look_instants import looks_in_flight
+from mpc_cover.model.look_instants import looks_in_flight, measures_on_the_way
 from mpc_cover.model.motion import chord_deviation
 from mpc_cover.planning.initial_guess.rendezvous import out_of_range
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
@@ -171,7 +170,7 @@ def _planned_radius(mission: Mission) -> FloatArray:
     The map marks what chords between reports pass, within the radius less what paths may leave them by.
     """
     radius = tightened(mission).radius
-    if mission.spec.sensing is not Sensing.CONTINUOUS:
+    if not measures_on_the_way(mission):
         return radius
     margin = 2.0 * chord_deviation(mission.fleet.input_max, mission.spec.control.state_period_s)[:, None]
     return np.asarray(np.where(radius > margin, radius - margin, radius))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.information.build import make_map
-from mpc_cover.mission.config import Sensing
+from mpc_cover.model.look_instants import measures_on_the_way
 from mpc_cover.model.sensing import covered_at, passed_at
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def measured_at(
 
     Continuous sensing measures between them, too, if `velocity` (T, m, d) [m/s] is given; inputs are constant there.
     """
-    if not mission.spec.looks_again and mission.spec.sensing is Sensing.CONTINUOUS and velocity is not None:
+    if measures_on_the_way(mission) and velocity is not None:
         return passed_at(time, position, velocity, mission.field.cell, mission.fleet.radius)
     if not mission.spec.looks_again:
         return covered_at(time, position, mission.field.cell, mission.fleet.radius)

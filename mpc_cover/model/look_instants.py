@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.mission.config import Sensing
+from mpc_cover.mission.information import InformationKind
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -54,9 +55,14 @@ AT_SAMPLES = LookInstants()
 """One look a step, at its sample."""
 
 
+def measures_on_the_way(mission: Mission) -> bool:
+    """Return whether what is passed between samples and reports counts: by continuous sensing if one look suffices."""
+    return mission.spec.sensing is Sensing.CONTINUOUS and not mission.spec.looks_again
+
+
 def looks_of_plans(mission: Mission, step_s: float) -> LookInstants:
     """Return the instants that offline plans with samples every `step_s` [s] count on: once a period T_s (4.34)."""
-    if mission.spec.sensing is Sensing.CONTINUOUS:
+    if measures_on_the_way(mission):
         return LookInstants(continuous=True)
     return LookInstants(per_step=max(1, round(step_s / mission.spec.control.period_s)))
 
@@ -66,8 +72,10 @@ def looks_in_flight(mission: Mission, step_s: float) -> LookInstants:
 
     Where discs of successive samples overlap well, these suffice, and cost least; else as many reports as it takes.
     """
-    if mission.spec.sensing is Sensing.CONTINUOUS:
+    if measures_on_the_way(mission):
         return LookInstants(continuous=True)
+    if mission.spec.looks_again and mission.spec.information_kind is not InformationKind.AGEING:
+        return AT_SAMPLES  # an agent's looks at a cell count a period apart
     fleet = mission.fleet
     radius = np.where(np.isfinite(fleet.radius), fleet.radius, np.inf).min(axis=1)
     apart = float((fleet.speed_max / radius).max()) * step_s
