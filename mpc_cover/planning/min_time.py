@@ -11,6 +11,7 @@ import numpy as np
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion, guess_priority
 from mpc_cover.planning.initial_guess.formation import FormationFlight
+from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
 from mpc_cover.planning.initial_guess.tour import tour_guess
 from mpc_cover.planning.multistart import Search, multistart, systematic_guesses
@@ -52,6 +53,8 @@ _EXTENSIONS = 3
 """Extensions of each such plan; a plain choice."""
 _EXTENSION_SEARCH = Search(starts=2, finalists=1)
 """The search for an extension whose guess is infeasible; a plain choice of the least effort."""
+_TOGETHER_SHARE = 0.4
+"""Part of the budget for flights in formation where agents could go their own ways as well; a plain choice."""
 _LARGE = 500
 """Samples times agents above which one QP for the whole plan takes too long, and plans are refined by segments; a plain
 choice."""
@@ -73,11 +76,29 @@ def plan_free_horizon(
 
     Starts from a length that is mostly sufficient and bisects between sufficient and insufficient lengths. Plans that
     leave cells are extended to them at the end. `attempts` bounds the lengths tried.
+
+    A fleet whose links are shorter than a lane flies in formation; one whose links are hardly longer may.
     """
     search = search or Search()
     found = _evaluated_guesses(task, search, budget)
-    work, least = _work(task, found), min(candidate.plan.steps for candidate in found)
-    found.append(evaluate_guess(task, rest_guess(task.position), task.least_steps))
+    rest = evaluate_guess(task, rest_guess(task.position), task.least_steps)
+    together = [candidate for candidate in found if candidate.kind is GuessKind.FORMATION]
+    if not together:
+        return _plan_apart(task, backend, [*found, rest], attempts, search, budget)
+    tight = link_lanes(task) < 1.0
+    best = _plan_large(task, backend, [*together, rest], budget if tight else budget.part(_TOGETHER_SHARE))
+    apart = [candidate for candidate in found if candidate.kind is not GuessKind.FORMATION]
+    if tight or not apart or budget.exhausted:
+        return best
+    search = replace(search, names=tuple(candidate.origin.name for candidate in apart))
+    return min(best, _plan_apart(task, backend, [*apart, rest], attempts, search, budget), key=lambda one: one.rank)
+
+
+def _plan_apart(
+    task: Task, backend: Backend, found: list[Candidate], attempts: int, search: Search, budget: Budget
+) -> Candidate:
+    """Plan from guesses in which agents go their own ways, of which rest is the last; see `plan_free_horizon`."""
+    work, least = _work(task, found[:-1]), min(candidate.plan.steps for candidate in found[:-1])
     if work * task.fleet.size > _LARGE:
         in_order = sorted(found, key=partial(guess_priority, violation_cost=_VIOLATION_COST))
         return _plan_large(task, backend, in_order, budget)
@@ -218,10 +239,18 @@ def _extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget
 def _extension(rest: Task, backend: Backend, budget: Budget) -> Candidate | None:
     """Return a plan that measures some of the remaining cells, a tour or a formation flight; None if there is none."""
     more = evaluate_guess(rest, tour_guess(rest.fleet, rest.cell, rest.weight, rest.position))
+    in_formation = not more.feasible and link_lanes(rest) < 1.0
+    if in_formation and (one := _formation_extension(rest, budget)) is not None:
+        return one
     if not more.feasible and not budget.exhausted:
         more = multistart(rest, backend, more.plan.steps, _EXTENSION_SEARCH, budget)[0]
     if _makes_progress(rest, more):
         return more
+    return None if in_formation else _formation_extension(rest, budget)
+
+
+def _formation_extension(rest: Task, budget: Budget) -> Candidate | None:
+    """Return a formation flight that measures some of the remaining cells; None if there is none."""
     formations = (evaluate_guess(rest, guess) for guess in FormationFlight(budget).guesses(rest))
     return next((one for one in formations if _makes_progress(rest, one)), None)
 
