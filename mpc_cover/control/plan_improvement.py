@@ -6,6 +6,7 @@ accepted only if it is as safe as the known plan, also when an agent misses the 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mpc_cover.control.horizon import horizon_ocp, optimised_steps, spliced
@@ -62,17 +63,25 @@ class PlanImprovement:
         ocp = horizon_ocp(plan, fleet, self._cell, demand, segment, segment)
         x = ocp.decision(plan.position[0], plan.velocity[: segment + 1])
         now = self._planner.evaluate(ocp, x)
-        sooner = now.cost == 0.0 and now.braking_violation <= BRAKING_TOLERANCE and segment > _MIN_STEPS
-        if sooner:
-            ocp = horizon_ocp(plan, fleet, self._cell, demand, segment, segment - 1)
-            x = ocp.decision(plan.position[0], resampled(plan.velocity[: segment + 1], segment - 1))
+        safe, sooner = now.braking_violation <= BRAKING_TOLERANCE, now.cost == 0.0 and segment > _MIN_STEPS
+        if not (sooner and safe):
+            found = self._planner.polish(ocp, x, _MAX_QPS, budget.part(_BUDGET_SHARE))
+            if found.feasible and found.merit < now.merit:
+                improved = spliced(plan, ocp.motion(found.x)[1], segment)
+                if self._is_safe(improved, plan, state, incumbent):
+                    return improved, "more coverage"
+        if not sooner:
+            return plan, "no better"
+        # a plan that cannot be made passively safe is shortened as it is, if it does not become less safe
+        bounds = fleet if safe else replace(fleet, reaction_periods=0.0)
+        ocp = horizon_ocp(plan, bounds, self._cell, demand, segment, segment - 1)
+        x = ocp.decision(plan.position[0], resampled(plan.velocity[: segment + 1], segment - 1))
         found = self._planner.polish(ocp, x, _MAX_QPS, budget.part(_BUDGET_SHARE))
-        better = found.complete if sooner else found.merit < now.merit
-        if found.feasible and better:
+        if found.complete:
             improved = spliced(plan, ocp.motion(found.x)[1], segment)
             if self._is_safe(improved, plan, state, incumbent):
-                return improved, "a sample sooner" if sooner else "more coverage"
-        return plan, "no sample sooner" if sooner else "no better"
+                return improved, "a sample sooner"
+        return plan, "no sample sooner"
 
     def _is_safe(self, plan: Trajectory, known: Trajectory, state: FleetState, incumbent: Trajectory | None) -> bool:
         """Return whether a plan satisfies the bounds, also if an agent misses it, and is passively safe."""

@@ -143,7 +143,7 @@ def _plan_large(task: Task, backend: Backend, evaluated: list[Candidate], budget
             task, motion, backend, length=SEGMENT_STEPS, passes=_LARGE_PASSES, budget=part
         )
         found.append(evaluate_motion(task, position[0], velocity, guess.origin))
-        if found[-1].feasible:
+        if found[-1].complete if guess.kind is GuessKind.FORMATION else found[-1].feasible:
             break
     found += [guess for guess in guesses if guess.feasible]
     finished = [_extended(task, candidate, backend, budget) for candidate in found if candidate.feasible]

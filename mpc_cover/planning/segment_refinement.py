@@ -140,7 +140,8 @@ def _ocp(
 
 def _left_by_others(task: Task, position: FloatArray, begin: int, end: int) -> tuple[FloatArray, IntArray | None]:
     """Return weights and looks (J, K) of the demand that samples outside the segment do not cover."""
-    others = np.concatenate([position[: begin + 1], position[end:]])
+    after = position.shape[0] if end == position.shape[0] - 1 else end  # the end of the last segment is free
+    others = np.concatenate([position[: begin + 1], position[after:]])
     if task.looks is None:
         return remaining_weight(others, task.cell, task.fleet.radius, task.weight), None
     looks = np.maximum(task.looks - look_counts(others, task.cell, task.fleet.radius), 0)

@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray
 
 _ROUNDING = 1e-9
 """Tolerance of comparisons of lengths, relative to the sensing radius; a plain choice."""
@@ -60,7 +60,8 @@ def formation_lanes(
     """
     across = [axis for axis in range(cell.shape[1]) if axis != along]
     middle = 0.5 * (shape.min(axis=0) + shape.max(axis=0))
-    bands = [_bands(cell, shape, axis, sensor) for axis in across]
+    room = box[0] + middle, box[1] + middle
+    bands = [_bands(cell, shape, axis, sensor, room) for axis in across]
     best: FloatArray | None = None
     for flips in product((False, True), repeat=len(bands) + 1):
         found = _serpentine(cell, shape - middle, along, bands, sensor, flips)
@@ -74,18 +75,25 @@ def formation_lanes(
 
 @dataclass(frozen=True)
 class _Bands:
-    """Bands of equal width across an axis: their centres [m], and half their width [m]."""
+    """Bands of equal width across an axis: where the formation's middle passes [m], low and high edges [m]."""
 
     axis: int
     centre: tuple[float, ...]
-    half: float
+    edge: tuple[float, ...]
+
+    def holds(self, coordinate: FloatArray, number: int, slack: float) -> BoolArray:
+        """Return which coordinates (K,) [m] lie in band `number`."""
+        return (coordinate >= self.edge[number] - slack) & (coordinate <= self.edge[number + 1] + slack)
 
 
-def _bands(cell: FloatArray, shape: FloatArray, axis: int, sensor: Sensor) -> _Bands:
+def _bands(
+    cell: FloatArray, shape: FloatArray, axis: int, sensor: Sensor, room: tuple[FloatArray, FloatArray]
+) -> _Bands:
     count = lane_count(cell, float(np.ptp(shape[:, axis])), axis, sensor)
     low, high = float(cell[:, axis].min()), float(cell[:, axis].max())
     edge = np.linspace(low, high, count + 1)
-    return _Bands(axis, tuple((0.5 * (edge[:-1] + edge[1:])).tolist()), 0.5 * (high - low) / count)
+    centre = np.clip(0.5 * (edge[:-1] + edge[1:]), room[0][axis], room[1][axis])
+    return _Bands(axis, tuple(centre.tolist()), tuple(edge.tolist()))
 
 
 def _serpentine(
@@ -98,25 +106,26 @@ def _serpentine(
 ) -> list[FloatArray]:
     """Return centres (d,) [m] along all lanes in alternating directions; `flips` mirror each axis."""
     upward, points = flips[-1], []
-    order = [each.centre[::-1] if flip else each.centre for each, flip in zip(bands, flips[:-1], strict=True)]
-    for number, outer in enumerate(order[-1] if len(order) > 1 else [0.0]):
-        for inner in order[0] if number % 2 == 0 else order[0][::-1]:
-            centre = [inner, outer][: len(bands)]
-            ends = _ends(cell, shape, along, bands, sensor, centre)
+    numbers = [range(len(each.centre)) for each in bands]
+    order = [each[::-1] if flip else each for each, flip in zip(numbers, flips[:-1], strict=True)]
+    for count, outer in enumerate(order[-1] if len(order) > 1 else [0]):
+        for inner in order[0] if count % 2 == 0 else order[0][::-1]:
+            lane = [inner, outer][: len(bands)]
+            ends = _ends(cell, shape, along, bands, sensor, lane)
             if ends is None:
                 continue
             for end in ends if upward else reversed(ends):
                 point = np.empty(cell.shape[1])
                 point[along] = end
-                for each, coordinate in zip(bands, centre, strict=True):
-                    point[each.axis] = coordinate
+                for each, number in zip(bands, lane, strict=True):
+                    point[each.axis] = each.centre[number]
                 points.append(point)
             upward = not upward
     return points
 
 
 def _ends(
-    cell: FloatArray, shape: FloatArray, along: int, bands: Sequence[_Bands], sensor: Sensor, centre: Sequence[float]
+    cell: FloatArray, shape: FloatArray, along: int, bands: Sequence[_Bands], sensor: Sensor, lane: Sequence[int]
 ) -> tuple[float, float] | None:
     """Return where along a lane the formation's centre begins and ends [m], or None where there is no cell in it.
 
@@ -124,13 +133,13 @@ def _ends(
     """
     axes = [each.axis for each in bands]
     slack = _ROUNDING * sensor.radius
-    inside = np.all(
-        [np.abs(cell[:, each.axis] - at) <= each.half + slack for each, at in zip(bands, centre, strict=True)], axis=0
-    )
+    pairs = list(zip(bands, lane, strict=True))
+    inside = np.all([each.holds(cell[:, each.axis], number, slack) for each, number in pairs], axis=0)
+    centre = [each.centre[number] for each, number in pairs]
     if not inside.any():
         return None
     own = cell[inside]
-    aside = np.linalg.norm(own[:, None][:, :, axes] - np.asarray(centre) - shape[None][:, :, axes], axis=2)  # (K', m)
+    aside = np.linalg.norm(own[:, None][:, :, axes] - np.array(centre) - shape[None][:, :, axes], axis=2)  # (K', m)
     reach = np.sqrt(np.maximum(sensor.radius**2 - aside**2, 0.0))
     able = aside <= sensor.radius + slack
     any_able = able.any(axis=1)

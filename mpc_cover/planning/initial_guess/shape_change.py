@@ -95,21 +95,31 @@ def chain_of(shape: FloatArray, reach: float, axis: int) -> IntArray | None:
 
 
 def unfolding(
-    shape: FloatArray, chain: IntArray, axis: int, width: float, link: float, distances: Distances
+    shape: FloatArray,
+    chain: IntArray,
+    axis: int,
+    width: float,
+    link: float,
+    distances: Distances,
+    room: float = np.inf,
 ) -> list[FloatArray] | None:
-    """Return shapes (m, d) [m] from `shape`, exclusive, to one that is up to `width` [m] wide along `axis`.
+    """Return shapes (m, d) [m] from `shape`, exclusive, to a line along `axis`, `width` [m] wide or little more.
 
-    The links of the `chain` become `link` [m] long, or as long as the width of a straight line requires, and turn
-    towards the axis, only as far as the width requires. None where no way is found that keeps all `distances`.
+    The links of the `chain` become up to `link` [m] long, and turn towards the axis: all the way, or, where a straight
+    line does not fit into `room` [m], as far as the width requires. None where no way keeps all `distances`.
     """
     links = np.stack([chain[:-1], chain[1:]], axis=1)
     vector = np.diff(shape[chain], axis=0)
     length = np.linalg.norm(vector, axis=1)
-    straight = float(np.clip(width / len(vector), min(float(distances.least.max()), link), link))
+    shortest = min(float(distances.least.max()), link)
+    straight = float(np.clip(width / len(vector), 0.5 * (shortest + link), link))
+    if straight * len(vector) > room:
+        straight = max(room / len(vector), shortest)
+    fits = straight * len(vector) <= room * (1.0 + _ROUNDING)
     fan = _fan(vector / np.maximum(length, NO_DIRECTION)[:, None], axis)
     # links as short as the straight line needs them, or, where that is too near for turning, long ones that shrink last
     for turning in dict.fromkeys((straight, link)):
-        part = _least_part(fan, turning if straight * len(vector) > width else straight, axis, width)
+        part = 1.0 if fits else _least_part(fan, turning, axis, min(width, room))
         for pieces in _TURNS:
             parts = [*np.linspace(0.0, part, pieces + 1).tolist(), part]
             lengths = [turning] * (pieces + 1) + [straight if part == 1.0 else turning]

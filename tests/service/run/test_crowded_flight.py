@@ -1,4 +1,4 @@
-"""Fleets whose range is hardly longer than their separation move within the planning time, and cover as a line might."""
+"""Fleets whose range is hardly longer than their separation move at once, and cover as a line abreast might."""
 
 import numpy as np
 import pytest
