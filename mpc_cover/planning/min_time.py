@@ -14,6 +14,7 @@ from mpc_cover.planning.initial_guess.formation import FormationFlight
 from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
 from mpc_cover.planning.initial_guess.tour import tour_guess
+from mpc_cover.planning.initial_guess.towing import Towing
 from mpc_cover.planning.multistart import Search, multistart, systematic_guesses
 from mpc_cover.planning.segment_refinement import SEGMENT_STEPS, refine_segments
 
@@ -51,6 +52,8 @@ _EXTENDED = 3
 """Plans that are extended to cells that they leave, where none covers everything; a plain choice."""
 _EXTENSIONS = 3
 """Extensions of each such plan; a plain choice."""
+_EXTENSIONS_TIGHT = 30
+"""The same for tight fleets, which are led to one cell at a time where no formation reaches them; a plain choice."""
 _EXTENSION_SEARCH = Search(starts=2, finalists=1)
 """The search for an extension whose guess is infeasible; a plain choice of the least effort."""
 _TOGETHER_SHARE = 0.4
@@ -221,10 +224,11 @@ def _names(candidates: list[Candidate]) -> tuple[str, ...]:
 
 def _extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget) -> Candidate:
     """Extend a candidate from its end at rest to cells that it leaves."""
-    for _ in range(_EXTENSIONS):
+    for _ in range(_EXTENSIONS_TIGHT if link_lanes(task) < 1.0 else _EXTENSIONS):
         weight = task.remaining_after(candidate.plan)
         if not (weight > 0.0).any():
             break
+        budget.charge(GUESS_SAMPLE_S * candidate.plan.steps)
         end = candidate.plan
         rest = replace(
             task, weight=weight, position=end.position[-1], velocity=end.velocity[-1], start_time=end.end_time
@@ -250,8 +254,9 @@ def _extension(rest: Task, backend: Backend, budget: Budget) -> Candidate | None
 
 
 def _formation_extension(rest: Task, budget: Budget) -> Candidate | None:
-    """Return a formation flight that measures some of the remaining cells; None if there is none."""
-    formations = (evaluate_guess(rest, guess) for guess in FormationFlight(budget).guesses(rest))
+    """Return a formation flight that measures some of the remaining cells, or a tow to one; None if there is none."""
+    makers = (FormationFlight(budget), Towing())
+    formations = (evaluate_guess(rest, guess) for maker in makers for guess in maker.guesses(rest))
     return next((one for one in formations if _makes_progress(rest, one)), None)
 
 

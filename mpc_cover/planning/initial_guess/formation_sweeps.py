@@ -33,7 +33,7 @@ from mpc_cover.planning.ocp import Margins, requirements
 from mpc_cover.planning.task import End
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.planning.task import Task
@@ -57,7 +57,7 @@ class FormationSweeps:
         For a fleet at rest whose agents all measure what is demanded. The first is short and leaves little, and one
         that leaves nothing is among them, if there is one.
         """
-        if (formation := _formation_of(task)) is None:
+        if (formation := formation_of(task)) is None:
             return
         found = [
             (float((task.remaining_after(motion) > 0.0).sum() / (task.weight > 0.0).sum()), motion.steps, name, motion)
@@ -91,7 +91,7 @@ def _sensor(task: Task) -> Sensor | None:
     return Sensor(swath.radius, swath.half_width / float(np.sqrt(task.fleet.dimension - 1)))
 
 
-def _formation_of(task: Task) -> _Formation | None:
+def formation_of(task: Task) -> Formation | None:
     """Return the formation of a task, or None where it is no task for one."""
     fleet, active = task.fleet, list(task.fleet.active)
     still, sensor = np.abs(task.velocity).max(initial=0.0) <= AT_REST, _sensor(task)
@@ -110,11 +110,11 @@ def _formation_of(task: Task) -> _Formation | None:
     links = np.array([[number[int(one[e])], number[int(two[e])]] for e in edges if one[e] in number], dtype=np.intp)
     fixed = np.array([[number[i], number[j]] for i, j in fleet.links], dtype=np.intp).reshape(-1, 2)
     distances = Distances(required.separation[pair], reach)
-    return _Formation(task, cell, sensor, distances, links, fixed)
+    return Formation(task, cell, sensor, distances, links, fixed)
 
 
 @dataclass(frozen=True, eq=False)
-class _Formation:
+class Formation:
     """The active agents of a task as one body.
 
     Attributes
@@ -172,10 +172,10 @@ class _Formation:
 
     def sweep(self, shapes: list[FloatArray], along: int, *, stops: bool) -> Trajectory | None:
         """Return the sweep in the last of the shapes, which are taken on the way to the first lane; None for none."""
-        start, fleet = self.start, self.task.fleet
+        start = self.start
         final = shapes[-1] if shapes else start
         here, centre = start.mean(axis=0), final.mean(axis=0)
-        boxes = [self._room(shape - shape.mean(axis=0)) for shape in (*shapes, final)]
+        boxes = [self.room(shape - shape.mean(axis=0)) for shape in (*shapes, final)]
         if any((low > high).any() for low, high in boxes):
             return None
         lanes = formation_lanes(self.cell, final - centre, along, self.sensor, boxes[-1], here)
@@ -187,10 +187,14 @@ class _Formation:
             for shape, share, box in zip(shapes, part, boxes[:-1], strict=True)
         ]
         corners = np.array([start, *changes, *(point + final - centre for point in lanes[1 if shapes else 0 :])])
+        first_end = len(changes) + (0 if shapes else 1)
+        return self.fly(corners, range(first_end, len(corners)) if stops else ())
+
+    def fly(self, corners: FloatArray, stopping: Sequence[int]) -> Trajectory:
+        """Return the motion from corner to corner (W, a, d) [m] of the polyline, at rest in those of `stopping`."""
+        fleet = self.task.fleet
         active = list(fleet.active)
         limits = (LIMIT_SHARE * fleet.speed_max[active], LIMIT_SHARE * fleet.input_max[active])
-        first_end = len(changes) + (0 if shapes else 1)
-        stopping = range(first_end, len(corners)) if stops else ()
         velocity = fly_polyline(corners, *limits, self.task.period, stopping)
         whole = np.zeros((len(velocity), *self.task.position.shape))
         whole[:, active] = velocity
@@ -198,7 +202,7 @@ class _Formation:
         position, _ = roll_out(self.task.position, whole[0], inputs, self.task.period)
         return Trajectory.even(self.task.start_time, self.task.period, position, whole, inputs)
 
-    def _room(self, shape: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def room(self, shape: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return where the centre of a shape (a, d) [m] relative to it may be: low and high corners (d,) [m]."""
         fleet = self.task.fleet
         return fleet.motion_min - shape.min(axis=0), fleet.motion_max - shape.max(axis=0)
