@@ -207,7 +207,7 @@ def initial_guesses(task: Task, search: Search) -> Iterator[Guess]:
         return
     yield from systematic
     rng = np.random.default_rng(search.seed)
-    radius = float(task.fleet.radius[np.isfinite(task.fleet.radius)].min())
+    radius = task.fleet.sensing_radius_min
     number, with_paths = 0, [guess for guess in systematic if guess.motion is None]
     while (task.weight > 0.0).any():
         number += 1
