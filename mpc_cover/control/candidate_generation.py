@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -130,7 +131,8 @@ def _repaired(task: Task, former: Trajectory, budget: Budget) -> Candidate:
 
 def _much_longer_than_needed(task: Task, candidate: Candidate) -> bool:
     """Return whether there is a guess whose paths take much less time than a plan."""
-    least = min(flight_time(task, guess) for guess in systematic_guesses(task))
+    paths = (guess for guess in systematic_guesses(task) if guess.motion is None)
+    least = min((flight_time(task, guess) for guess in paths), default=math.inf)
     return least < _MUCH_SHORTER_SHARE * candidate.plan.steps * task.period
 
 

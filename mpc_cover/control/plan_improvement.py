@@ -7,6 +7,7 @@ accepted only if it is as safe as the known plan, also when an agent misses the 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,14 +20,16 @@ from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.planning.segment_refinement import resampled
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.control.demand_allocation import DemandAllocation
     from mpc_cover.control.planning_constraints import PlanningConstraints
     from mpc_cover.information.demand import DemandMap
     from mpc_cover.mission.load import Mission
+    from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.planner import Planner
+    from mpc_cover.planning.scp import SCPResult
 
 _MAX_QPS = 2
 """QPs per step; a plain choice that leaves the rest of the budget for replanning."""
@@ -82,24 +85,40 @@ class PlanImprovement:
         ocp = horizon_ocp(plan, fleet, self._cell, demand, segment, segment)
         x = ocp.decision(plan.position[0], plan.velocity[: segment + 1])
         now = self._planner.evaluate(ocp, x)
-        steps = segment // parts
-        sooner = now.cost == 0.0 and now.braking_violation <= BRAKING_TOLERANCE and steps > _MIN_STEPS
-        if sooner or parts > 1:
-            steps -= sooner
-            coarse = self._constraints.in_steps(fleet)
-            ocp = horizon_ocp(plan, coarse, self._cell, demand, segment, steps, period=plan.period * parts)
-            x = ocp.decision(plan.position[0], resampled(plan.velocity[: segment + 1 : parts], steps))
-            x = ocp.exact_ends(x) if parts > 1 else x
-        found = self._planner.polish(ocp, x, _MAX_QPS, budget.part(_BUDGET_SHARE))
-        better = found.complete if sooner else found.merit < now.merit
-        if found.feasible and better:
-            position, velocity = ocp.motion(found.x)
-            force = np.diff(velocity, axis=0) / ocp.period
-            motion = Trajectory.even(plan.start_time, ocp.period, position, velocity, force).subdivided(parts)
-            improved = spliced(plan, motion.velocity, segment)
-            if self._is_safe(improved, plan, state, incumbent):
-                return improved, "a sample sooner" if sooner else "more coverage"
-        return plan, "no sample sooner" if sooner else "no better"
+        steps, safe = segment // parts, now.braking_violation <= BRAKING_TOLERANCE
+        sooner = now.cost == 0.0 and steps > _MIN_STEPS
+        if not (sooner and safe):
+            found, improved = self._resolved(plan, fleet, demand, segment, steps, budget)
+            if found.feasible and found.merit < now.merit and self._is_safe(improved, plan, state, incumbent):
+                return improved, "more coverage"
+        if not sooner:
+            return plan, "no better"
+        # a plan that cannot be made passively safe is shortened as it is, if it does not become less safe
+        bounds = fleet if safe else replace(fleet, reaction_periods=0.0)
+        found, improved = self._resolved(plan, bounds, demand, segment, steps - 1, budget)
+        if found.complete and self._is_safe(improved, plan, state, incumbent):
+            return improved, "a sample sooner"
+        return plan, "no sample sooner"
+
+    def _resolved(
+        self,
+        plan: Trajectory,
+        fleet: FleetConstraints,
+        demand: tuple[FloatArray, IntArray | None],
+        segment: int,
+        steps: int,
+        budget: Budget,
+    ) -> tuple[SCPResult, Trajectory]:
+        """Return the solution of the segment in so many steps of plans, and the plan with it."""
+        parts = self._substeps
+        bounds = self._constraints.in_steps(fleet)
+        ocp = horizon_ocp(plan, bounds, self._cell, demand, segment, steps, period=plan.period * parts)
+        x = ocp.decision(plan.position[0], resampled(plan.velocity[: segment + 1 : parts], steps))
+        found = self._planner.polish(ocp, ocp.exact_ends(x) if parts > 1 else x, _MAX_QPS, budget.part(_BUDGET_SHARE))
+        position, velocity = ocp.motion(found.x)
+        force = np.diff(velocity, axis=0) / ocp.period
+        motion = Trajectory.even(plan.start_time, ocp.period, position, velocity, force).subdivided(parts)
+        return found, spliced(plan, motion.velocity, segment)
 
     def _taken_in_passing(
         self,

@@ -16,9 +16,11 @@ from mpc_cover.model.tolerances import AT_REST
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion
 from mpc_cover.planning.initial_guess.formation import FormationFlight
+from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
 from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
 from mpc_cover.planning.initial_guess.plan_repair import motion_with_detours, waypoints_of
 from mpc_cover.planning.initial_guess.staggered_tour import StaggeredTour
+from mpc_cover.planning.initial_guess.towing import Towing
 from mpc_cover.planning.multistart import Search, multistart
 
 if TYPE_CHECKING:
@@ -27,8 +29,9 @@ if TYPE_CHECKING:
     from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
 
-_EXTENSIONS = 6
-"""Extensions of a plan, each to what the one before leaves; a plain choice."""
+_EXTENSIONS, _EXTENSIONS_TIGHT = 6, 30
+"""Extensions of a plan, each to what the one before leaves, the second of tight fleets, which are led to one cell at a
+time where no formation reaches them; plain choices."""
 _SEARCH = Search(starts=2, finalists=1)
 """The search for an extension where no motion is feasible as it is; a plain choice of the least effort."""
 
@@ -77,13 +80,18 @@ def extended(task: Task, candidate: Candidate, backend: Backend, budget: Budget)
 
 def _extension(rest: Task, backend: Backend, budget: Budget) -> Candidate | None:
     """Return the best of a tour and a flight in formation that measures some of the demand, or of a search."""
-    makers: tuple[InitialGuess, ...] = (StaggeredTour(budget), FormationFlight(budget))
-    found = []
+    makers: list[InitialGuess] = [StaggeredTour(budget), FormationFlight(budget)]
+    if tight := link_lanes(rest) < 1.0:
+        makers.append(Towing())
+    found: list[Candidate] = []
+    useful: list[Candidate] = []
     for maker in makers:
+        if tight and useful:
+            break
         for guess in maker.guesses(rest):
             found.append(evaluate_guess(rest, guess))
             budget.charge(GUESS_SAMPLE_S * found[-1].plan.steps)
-    useful = [one for one in found if _makes_progress(rest, one)]
+        useful = [one for one in found if _makes_progress(rest, one)]
     if not useful and found and not budget.exhausted:
         searched = multistart(rest, backend, found[0].plan.steps, _SEARCH, budget)[0]
         useful = [searched] if _makes_progress(rest, searched) else []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion, guess_priority
 from mpc_cover.planning.extension import completions
+from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
 from mpc_cover.planning.initial_guess.guess import GuessKind, rest_guess
 from mpc_cover.planning.multistart import Search, multistart, systematic_guesses
 from mpc_cover.planning.segment_refinement import SEGMENT_STEPS, refine_segments
@@ -47,6 +48,8 @@ _MORE_STARTS, _FINALISTS, _MORE_FINALISTS = 8, 6, 4
 """Random starts added after each failed length, finalists, and finalists added, of that search; plain choices."""
 _EXTENDED = 3
 """Plans that are extended to cells that they leave; a plain choice."""
+_TOGETHER_SHARE = 0.4
+"""Part of the budget for flights in formation where agents could go their own ways as well; a plain choice."""
 _LARGE = 500
 """Samples times agents above which one QP for the whole plan takes too long, and plans are refined by segments; a plain
 choice."""
@@ -68,13 +71,32 @@ def plan_free_horizon(
 
     Starts from a length that is mostly sufficient and bisects between sufficient and insufficient lengths. Plans that
     leave cells are extended to them at the end. `attempts` bounds the lengths tried.
+
+    A fleet whose links are shorter than a lane flies in formation; one whose links are hardly longer may.
     """
     search = search or Search()
     evaluated = _evaluated_guesses(task, search, budget)
+    rest = evaluate_guess(task, rest_guess(task.position), task.least_steps)
+    together = [candidate for candidate in evaluated if candidate.kind is GuessKind.FORMATION]
+    if not together:
+        return _plan_apart(task, backend, [*evaluated, rest], attempts, search, budget)
+    tight = link_lanes(task) < 1.0
+    best = _plan_large(task, backend, [*together, rest], budget if tight else budget.part(_TOGETHER_SHARE))
+    apart = [candidate for candidate in evaluated if candidate.kind is not GuessKind.FORMATION]
+    if tight or not apart or budget.exhausted:
+        return best
+    search = replace(search, names=tuple(candidate.origin.name for candidate in apart))
+    return min(best, _plan_apart(task, backend, [*apart, rest], attempts, search, budget), key=lambda one: one.rank)
+
+
+def _plan_apart(
+    task: Task, backend: Backend, evaluated: list[Candidate], attempts: int, search: Search, budget: Budget
+) -> Candidate:
+    """Plan from guesses in which agents go their own ways, of which rest is the last; see `plan_free_horizon`."""
     apart = [candidate for candidate in evaluated if candidate.kind is GuessKind.SHAPE_APART]
     found = [candidate for candidate in evaluated if candidate not in apart]
-    work, least = _work(task, found), min(candidate.plan.steps for candidate in found)
-    found.append(evaluate_guess(task, rest_guess(task.position), task.least_steps))
+    moving = found[:-1] or apart
+    work, least = _work(task, moving), min(candidate.plan.steps for candidate in moving)
     if work * task.fleet.size > _LARGE:
         in_order = sorted(found, key=partial(guess_priority, violation_cost=_VIOLATION_COST))
         return _plan_large(task, backend, in_order, budget)
@@ -146,7 +168,8 @@ def _plan_large(task: Task, backend: Backend, evaluated: list[Candidate], budget
             task, motion, backend, length=SEGMENT_STEPS, passes=_LARGE_PASSES, budget=part
         )
         found.append(evaluate_motion(task, position[0], velocity, guess.origin))
-        if found[-1].feasible and not found[-1].violates_passive_safety:
+        safe = found[-1].feasible and not found[-1].violates_passive_safety
+        if found[-1].complete if guess.kind is GuessKind.FORMATION else safe:
             break
     found += [guess for guess in guesses if guess.feasible]
     return _finished(task, found, backend, budget)

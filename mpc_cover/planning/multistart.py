@@ -14,6 +14,7 @@ from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, candidate_of
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.cruise import at_cruise
+from mpc_cover.planning.initial_guess.formation_sweeps import FormationSweeps
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
 from mpc_cover.planning.initial_guess.path_comparison import shorter
 from mpc_cover.planning.initial_guess.shape_tour import ShapeTour
@@ -41,7 +42,7 @@ _FINE = SHARPNESS[2:]
 """Sharpness of the stages that refine a screened start: the last two of the continuation."""
 _SCREENING_SHARE = 0.5
 """Part of the budget in which starts are generated; a plain choice."""
-_KIND_ORDER = (GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST)
+_KIND_ORDER = (GuessKind.FORMATION, GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST)
 """Kinds of guesses in the order in which they tend to end well, as observed."""
 _REFINE_AGAIN_COST = 1.5
 """Cost in sensing radii above which a refined plan is not refined once more from its guess; a plain choice."""
@@ -196,11 +197,11 @@ def systematic_guesses(task: Task) -> list[Guess]:
     """
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
-    makers: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
-    guesses = (guess for maker in makers for guess in maker.guesses(task))
+    free: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
+    guesses = (guess for maker in free for guess in maker.guesses(task))
     sweeps = sorted(at_cruise(task, guesses), key=_kind_rank)
     first, last = shorter(task, ShapeTour().guesses(task), sweeps)
-    return [*first, *sweeps, *last]
+    return [*FormationSweeps().guesses(task), *first, *sweeps, *last]
 
 
 def _kind_rank(guess: Guess) -> int:
@@ -217,10 +218,10 @@ def initial_guesses(task: Task, search: Search) -> Iterator[Guess]:
     yield from systematic
     rng = np.random.default_rng(search.seed)
     radius = task.fleet.sensing_radius_min
-    number = 0
+    number, with_paths = 0, [guess for guess in systematic if guess.motion is None]
     while (task.weight > 0.0).any():
         number += 1
-        guess = systematic[int(rng.integers(len(systematic)))]
+        guess = with_paths[int(rng.integers(len(with_paths)))]
         moved = [path + rng.normal(scale=_JITTER * radius, size=path.shape) for path in guess.paths]
         inside = [np.clip(path, task.fleet.motion_min, task.fleet.motion_max) for path in moved]
         yield replace(guess, origin=guess.origin._replace(name=f"{guess.origin.name}, random {number}"), paths=inside)

@@ -12,6 +12,7 @@ from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.errors import UserError
 from mpc_cover.planning.candidate import evaluate_motion
 from mpc_cover.planning.extension import extended
+from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
 from mpc_cover.planning.initial_guess.timed_sweeps import repair_sweeps, timed_sweeps
 from mpc_cover.planning.min_time import FAILURES, plan_free_horizon, plan_min_time
@@ -36,6 +37,8 @@ _POLISH_SHARPNESS = 40.0
 _SAFE_SHARE, _SAFE_SHARE_CROWDED = 0.8, 0.5
 """Parts of the budget for passively safe plans, the second where the last search found none that was sufficient; the
 rest is for plans without passive safety. Plain choices."""
+_SAFE_SHARE_TIGHT = 0.2
+"""The same part for fleets whose links are shorter than a lane, which rarely have such plans; a plain choice."""
 _SUFFICIENT_REST = 0.3
 """Part of the demand that a passively safe plan may leave to the next one; a plain choice."""
 _QUICK_SEARCH = Search(starts=3, finalists=1)
@@ -129,13 +132,16 @@ class Planner:
         return evaluate(ocp, x)
 
     def _passively_safe(self, plan: Callable[..., Candidate], task: Task, budget: Budget) -> Candidate:
-        """Plan with passive safety; if that leaves too much, as in a crowded fleet, without it as well."""
+        """Plan with passive safety; without it as well if that leaves too much, or is not attained by a tight fleet."""
         if task.fleet.reaction_periods == 0.0:
             return plan(task, budget=budget)
-        safe = plan(task, budget=budget.part(_SAFE_SHARE_CROWDED if self._crowded else _SAFE_SHARE))
+        tight = link_lanes(task) < 1.0
+        usual = _SAFE_SHARE_CROWDED if self._crowded else _SAFE_SHARE
+        safe = plan(task, budget=budget.part(_SAFE_SHARE_TIGHT if tight else usual))
         left, demanded = np.count_nonzero(task.remaining_after(safe.plan)), np.count_nonzero(task.weight)
         self._crowded = not safe.feasible or bool(left > _SUFFICIENT_REST * demanded)
-        if not self._crowded or budget.exhausted:
+        without = self._crowded or (tight and safe.violates_passive_safety)
+        if not without or budget.exhausted:
             return safe
         unsafe = plan(replace(task, fleet=replace(task.fleet, reaction_periods=0.0)), budget=budget)
         motion = unsafe.plan

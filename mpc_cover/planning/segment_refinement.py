@@ -145,15 +145,15 @@ def _left_by_others(
     """Return weights and looks (J, K) of the demand that the motion outside the segment does not cover."""
     position, velocity = motion
     instants, cells = task.fleet.look_instants, (task.cell, task.fleet.radius)
+    last = end == position.shape[0] - 1  # whose position is not given
     if task.looks is None and not instants.only_samples:
         weight = task.weight
-        last = end == position.shape[0] - 1  # whose position is not given
         for part in (slice(0, begin + 1), *([] if last else [slice(end, None)])):
             weight = remaining_weight(
                 position[part], *cells, weight, InterSample(velocity[part], task.period, instants)
             )
         return weight, None
-    others = np.concatenate([position[: begin + 1], position[end:]])
+    others = np.concatenate([position[: begin + 1], position[position.shape[0] if last else end :]])
     if task.looks is None:
         return remaining_weight(others, *cells, task.weight), None
     looks = np.maximum(task.looks - look_counts(others, task.cell, task.fleet.radius), 0)

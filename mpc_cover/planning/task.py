@@ -11,7 +11,10 @@ import numpy as np
 from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.model.look_instants import inter_sample
+from mpc_cover.model.motion import roll_out
 from mpc_cover.model.sensing import look_counts
+from mpc_cover.model.trajectory import Trajectory
+from mpc_cover.planning.initial_guess.joint_polyline import cut_short
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 from mpc_cover.planning.ocp import OCP
 from mpc_cover.planning.scp import REFINEMENT_REGION
@@ -21,7 +24,6 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.model.fleet_constraints import FleetConstraints
-    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.initial_guess.guess import Guess
 
 
@@ -121,10 +123,10 @@ class Task:
         """Return the motion of a guess from the initial state, or from its first waypoints if that is free.
 
         It satisfies the terminal condition, in so many `steps`, or as many as it takes. A guess that is a motion is
-        returned as it is.
+        flown as it is, as far as the steps allow, and braked together.
         """
         if guess.motion is not None:
-            return guess.motion
+            return guess.motion if steps in {None, guess.motion.steps} else self._cut_short(guess.motion, steps)
         position, paths = self.position, guess.paths
         if self.start_free:
             position = np.array([path[0] for path in paths])
@@ -145,3 +147,11 @@ class Task:
             steps=steps,
             stop=stop,
         )
+
+    def _cut_short(self, motion: Trajectory, steps: int | None) -> Trajectory:
+        """Return a motion in `steps` steps, to rest."""
+        assert steps is not None
+        velocity = cut_short(motion.velocity, steps, self.fleet.input_max, self.period)
+        inputs = np.diff(velocity, axis=0) / self.period
+        position, _ = roll_out(motion.position[0], velocity[0], inputs, self.period)
+        return Trajectory.even(motion.start_time, self.period, position, velocity, inputs)
