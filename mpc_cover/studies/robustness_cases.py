@@ -68,7 +68,7 @@ def cases(only: Sequence[str] = ()) -> list[RobustnessCase]:
     UserError
         A name in `only` is neither a row nor a column.
     """
-    found = [*_crowded(), *_changed()]
+    found = [*_changed(), *_crowded()]
     known = dict.fromkeys(name for case in found for name in (case.shape, case.change))
     for name in only:
         if name not in known:
