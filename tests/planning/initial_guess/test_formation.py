@@ -123,6 +123,6 @@ def test_a_crowd_that_no_qp_sorts_out_moves_all_the_same(monkeypatch):
     monkeypatch.setattr("mpc_cover.planning.min_time.multistart", in_vain)
     found = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1), budget=UNLIMITED)
     assert found.complete
-    assert found.origin == (GuessKind.REST, "rest, then formation")
+    assert found.origin == (GuessKind.FORMATION, "rest, then formation")
     late = plan_free_horizon(task, make_backend("piqp"), attempts=1, search=Search(starts=1), budget=EXHAUSTED)
     assert late.kind is GuessKind.REST
