@@ -15,6 +15,7 @@ from mpc_cover.control.receding_horizon import RecedingHorizon
 from mpc_cover.control.recovery import Mode
 from mpc_cover.information.build import make_map
 from mpc_cover.model.fleet_state import FleetState
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.candidate import Candidate
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
 from mpc_cover.planning.planner import Planner
@@ -45,6 +46,16 @@ class FailingInFlight(FailingPlanner):
 
     def thorough(self, task, budget):
         return Planner.thorough(self, task, budget)
+
+
+class PoorInFlight(FailingPlanner):
+    """Finds plans in flight that creep upwards for a long time, and leave most."""
+
+    def quick(self, task, budget):
+        later = np.zeros((40, *task.position.shape))
+        later[:-1, :, 1] = 0.05 * task.fleet.speed_max.min()
+        plan = Trajectory.from_velocities(task.position, task.velocity, later, task.start_time, task.period)
+        return Candidate(plan, 1.0, feasible=True, origin=Origin(GuessKind.GIVEN, "poor"))
 
 
 def flying_with(planner_of):
@@ -79,6 +90,15 @@ def test_without_a_mission_plan_the_previous_plan_is_shifted_and_then_rest():
         assert proposal.source is (PlanSource.REST if resting else PlanSource.SHIFTED)
     assert resting
     assert np.abs(state.velocity).max() < 1e-9
+
+
+def test_a_fleet_that_is_to_plan_at_rest_does_not_fly_a_poor_plan_for_a_horizon_first():
+    mission, law, plan = flying_with(PoorInFlight)
+    state = FleetState.nominal(plan.position[0], np.zeros_like(plan.velocity[0]), PERIOD)
+    proposal = law.step(state, make_map(mission), step_budget())
+    law.published(proposal.trajectory)
+    assert law.mode is Mode.REPLAN_AT_REST
+    assert not proposal.trajectory.velocity.any(), "at once"
 
 
 def test_without_any_plan_it_brakes():

@@ -89,7 +89,7 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
             identity = uuid.uuid4().hex
             refuse_second(mission, transport, signals.stop)
             transport.announce(Keys(mission.spec.name).controller_instance(identity))  # before what takes a second
-            record = None if options.with_parent else ServedRun(mission, options, say)
+            record = None if options.with_parent else _record(mission, options)
             say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
             controller = _controller(mission, options, folder, transport, clock, identity, record)
             look_s = mission.spec.control.state_period_s
@@ -100,6 +100,10 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
             record.write(controller)
         unfinished = not controller.done and not (options.stay and controller.exit_status == 0)
         return signals.exit_status if unfinished else controller.exit_status
+
+
+def _record(mission: Mission, options: ServeOptions) -> ServedRun:
+    return ServedRun(mission, options.out, {"seed": options.seed, "backend": options.backend}, options.speed, say)
 
 
 def refuse_second(mission: Mission, transport: Transport, stop: Event) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mpc_cover.service.agent.recorder import FileRecorder, Header
 from mpc_cover.service.run.run_folder import RunFolder, default_folder
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.controller.controller import Controller
-    from mpc_cover.service.run.serve import ServeOptions
 
 
 class ServedRun:
@@ -24,7 +23,8 @@ class ServedRun:
 
     Parameters
     ----------
-    mission, options : the mission, and `serve`'s options.
+    mission, out : the mission, and the folder; None for one of runs/.
+    meta : written into the trajectory, beside `speed`, how many seconds of the clock pass in one of the machine's.
     say : called with messages for users.
 
     Raises
@@ -37,11 +37,14 @@ class ServedRun:
     recorders : one of each agent, for the controller.
     """
 
-    def __init__(self, mission: Mission, options: ServeOptions, say: Callable[[str], None]) -> None:
-        self._options, self._say = options, say
-        self._folder = RunFolder(options.out or default_folder(mission), RecordingKind.SERVE, mission)
+    def __init__(
+        self, mission: Mission, out: Path | None, meta: dict[str, Any], speed: float, say: Callable[[str], None]
+    ) -> None:
+        self._out, self._say = out, say
+        self._meta = {"kind": RecordingKind.SERVE, "version": __version__, "speed": speed, **meta}
+        self._folder = RunFolder(out or default_folder(mission), RecordingKind.SERVE, mission)
         self.recorders = [
-            FileRecorder(self._folder.record(name), Header(name, "", mission.spec.name, options.speed), say)
+            FileRecorder(self._folder.record(name), Header(name, "", mission.spec.name, speed), say)
             for name in mission.fleet.ids
         ]
 
@@ -57,14 +60,12 @@ class ServedRun:
         from mpc_cover.service.run.run_folder import step_times_of  # noqa: PLC0415 - likewise
 
         lost, outcome = list(controller.supervisor.lost), controller.heartbeat.text
-        meta = {"kind": RecordingKind.SERVE, "version": __version__, "speed": self._options.speed}
-        meta |= {"seed": self._options.seed, "backend": self._options.backend}
         extra = {"outcome": outcome, "lost": lost, "folder": str(self._folder.path)}
         times = [step.tick_time_s for step in controller.step_log.steps if step.kind is StepKind.STEP]
-        summary = write_records(controller.mission, self._folder, meta, extra, lost, step_times_of(times))
+        summary = write_records(controller.mission, self._folder, self._meta, extra, lost, step_times_of(times))
         if summary is not None:
             self._say(f"the run is in {self._folder.path}: {summary.covered_percent:.2f} % covered")
-        elif self._options.out is None:
+        elif self._out is None:
             shutil.rmtree(self._folder.path, ignore_errors=True)
         else:
             self._say(f"nothing was flown: {self._folder.path} holds no trajectory")
