@@ -80,9 +80,10 @@ def build_field(area: Area) -> Field:
     """
     lower, upper = bounding_box(area.shape)
     size = area.cell_size_m
+    rounding = 1e-9 + 4.0 * float(np.spacing(np.abs([lower, upper]).max())) / size  # coordinates may be far from 0
     axes = []
     for low, high in zip(lower, upper, strict=True):
-        count = max(1, int(np.ceil((high - low) / size - 1e-9)))
+        count = max(1, int(np.ceil((high - low) / size - rounding)))
         axes.append(np.minimum(low + (np.arange(count) + 0.5) * size, high))
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
     cell = grid[contains(area.shape, grid)]
