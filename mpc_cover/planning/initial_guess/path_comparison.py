@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.planning.task import Task
 
-_SHORTER_SHARE, _SHORTER_MAX = 0.9, 2
+_SHORTER_SHARE, _SHORTER_MAX = 0.93, 2
 """Part of the flight time of all other guesses below which some come before them, and how many do. Plain choices: where
 others are nearly as short, refinement ends as well from them."""
 _OUT_OF_RANGE_SHARE = 0.6
