@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.errors import Problem
+from mpc_cover.mission.cell_rules import coarse_problems
 from mpc_cover.mission.config import BoxShape, PolygonShape
 from mpc_cover.mission.disturbance_rules import disturbance_problems
 from mpc_cover.mission.field import bounding_box, build_field
@@ -65,9 +66,13 @@ def _area_problems(spec: MissionSpec) -> Iterator[Problem]:
     weights = list(_weight_problems(area))
     yield from weights
     if not weights and build_field(area).size == 0:
-        yield Problem("area.shape", area.shape.kind, "holds no cell centroid: a larger shape or smaller cells")
-    low = area.motion_min_m or tuple(lower)
-    high = area.motion_max_m or tuple(upper)
+        if area.weights is not None:
+            yield Problem("area.weights.values", "all 0 in the area", "must hold one greater than 0 where the area is")
+        else:
+            yield Problem("area.shape", area.shape.kind, "holds no cell: a larger shape or smaller cells")
+    yield from coarse_problems(spec)
+    low = area.motion_min_m or tuple(lower.tolist())
+    high = area.motion_max_m or tuple(upper.tolist())
     for name, corner in (("motion_min_m", low), ("motion_max_m", high)):
         if len(corner) != len(lower):
             yield Problem(f"area.{name}", corner, f"must have {len(lower)} coordinates like the shape")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpc_cover.verification.area_seen import area_seen
 from mpc_cover.verification.connectivity import widest_bottleneck
 from mpc_cover.verification.information_summary import summarise_information
 from mpc_cover.verification.losses import losses_of, segments, separations
@@ -43,7 +44,8 @@ class RunSummary:
 
     Attributes
     ----------
-    covered_percent : rounded down to a hundredth, so that 100 means all of it.
+    covered_percent : by number of cells, as all percentages but that of the area; rounded down to a
+        hundredth, so that 100 means all of it.
     time_to_90_s, ... : when that part of the cells was covered.
     smallest_separation_m : along the continuous path; None for a single agent.
     separation_min_m, communication_range_m : rho_B and rho_C.
@@ -51,6 +53,9 @@ class RunSummary:
     connected : whether the fleet was connected at every instant, without agents lost by then; None where it was not
         asked for.
     bottleneck_m : the largest edge of its Euclidean minimum spanning tree at any instant.
+    area_m2 : of the parts of W that matter, in `area_unit`: m^3 in space.
+    area_seen_percent : how much of that area was in range at a sample, found by points that know nothing of the cells;
+        rounded down to a tenth.
     time_apart_s : for how long it was not connected; the loss of a relay may be the reason.
     distance_m : travelled, by agent.
     swath_bound_s : T_b, about which no plan can be faster to cover everything.
@@ -86,6 +91,9 @@ class RunSummary:
     step_times: StepTimes | None = None
     information: dict[str, Any] | None = None
     time_apart_s: float = 0.0
+    area_m2: float | None = None
+    area_seen_percent: float | None = None
+    area_unit: str = "m^2"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary as plain data for `--json`."""
@@ -137,6 +145,9 @@ def summarise(trajectory: Recording, report: Report, step_times: FloatArray | No
         step_times=summarise_steps(step_times, time_for_a_step(trajectory)),
         information=summarise_information(trajectory),
         time_apart_s=_time_apart(trajectory) if torn else 0.0,
+        area_m2=mission.field.measure,
+        area_unit=f"m^{fleet.dimension}",
+        area_seen_percent=math.floor(1e3 * seen + 1e-9) / 10.0 if (seen := area_seen(trajectory)) is not None else None,
     )
 
 

@@ -73,7 +73,7 @@ def test_the_small_mission_is_right():
         ("area.shape", {**POLYGON, "holes_m": [[[20, 20], [21, 20], [21, 21]]]}, "area.shape", "outside"),
         # the area
         ("area.cell_size_m", 1e-3, "area.cell_size_m", f"must give at most {MAX_CELLS}"),
-        ("area.shape", {"kind": "disc", "center_m": [3, 2], "radius_m": 0.2}, "area.shape", "holds no cell centroid"),
+        ("area.weights", {"values": [[0, 0], [0, 0]]}, "area.weights.values", "must hold one greater than 0"),
         ("area.motion_min_m", [0, 0, 0], "area.motion_min_m", "must have 2 coordinates"),
         ("area.motion_max_m", [5], "area.motion_max_m", "2 or more entries"),
         ("area.motion_max_m", [5, 5, 5], "area.motion_max_m", "must have 2 coordinates"),
