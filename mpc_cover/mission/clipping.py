@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -17,6 +19,10 @@ if TYPE_CHECKING:
 
 _WHOLE = 1e-9
 """Cells that lack less than this lie in W as a whole: rounding."""
+_REPAIRED = 1e-3
+"""Part of the area that a repair of a polygon may change. A plain choice."""
+_NO_AREA = 1e-12
+"""Areas below this part of the square of the extent are rounding."""
 _POINTS = {2: 16, 3: 8}
 """Points along each side of a cell on a curved border, by dimension: parts to about a hundredth. A plain choice."""
 
@@ -76,8 +82,30 @@ def _of_polygon(shape: PolygonShape, low: FloatArray, high: FloatArray, size: fl
     return part, point
 
 
-def polygon_of(shape: PolygonShape) -> shapely.Polygon:
-    """Return the polygon."""
+@lru_cache(maxsize=8)
+def polygon_of(shape: PolygonShape) -> shapely.Polygon | shapely.MultiPolygon:
+    """Return the polygon; one that is not simple is repaired where that hardly changes its area.
+
+    Spikes and holes that touch the outline are no mistakes; a crossing that makes it doubtful what lies inside is.
+
+    Raises
+    ------
+    ValueError
+        It has no area, or what lies inside is in doubt: with the reason and the point.
+    """
     import shapely  # noqa: PLC0415 - as above
 
-    return shapely.Polygon(shape.outline_m, shape.holes_m)
+    polygon = shapely.Polygon(shape.outline_m, shape.holes_m)
+    meant = shapely.Polygon(shape.outline_m).area - sum(shapely.Polygon(hole).area for hole in shape.holes_m)
+    width, height = np.ptp(np.array(shape.outline_m), axis=0)
+    if polygon.is_valid and meant > 0.0:
+        return polygon
+    reason = re.sub(r"\[(\S+) (\S+)\]", r" at (\1, \2)", shapely.is_valid_reason(polygon))
+    outline, *holes = (shapely.make_valid(shapely.Polygon(ring)) for ring in (shape.outline_m, *shape.holes_m))
+    parts = shapely.get_parts(shapely.difference(outline, shapely.union_all(holes)))
+    solid = shapely.union_all([part for part in parts if part.geom_type in {"Polygon", "MultiPolygon"}])
+    if max(solid.area, meant) <= _NO_AREA * float(width**2 + height**2):
+        raise ValueError("must have an area: its corners lie on a line or in a point")
+    if abs(solid.area - meant) > _REPAIRED * meant:
+        raise ValueError(f"must be simple with its holes inside: {reason}")
+    return solid

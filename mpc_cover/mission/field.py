@@ -68,8 +68,8 @@ def bounding_box(shape: Shape) -> tuple[FloatArray, FloatArray]:
             center = np.array(shape.center_m)
             return center - shape.radius_m, center + shape.radius_m
         case PolygonShape():
-            outline = np.array(shape.outline_m)
-            return outline.min(axis=0), outline.max(axis=0)
+            edges = np.array(polygon_of(shape).bounds)
+            return edges[:2], edges[2:]
 
 
 def contains(shape: Shape, point: FloatArray) -> BoolArray:
