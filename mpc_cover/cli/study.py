@@ -133,6 +133,31 @@ def horizon(
     raise typer.Exit(result.exit_status)
 
 
+@app.command()
+def robustness(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; may hold earlier ones.")],
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="NAME", help="A row or column of the table; repeatable.")
+    ] = None,
+    jobs: Jobs = None,
+    as_json: Json = False,
+) -> None:
+    """Fly small missions of every shape as they are, moved, scaled, turned, renumbered, sampled otherwise, and crowds.
+
+    Prints the worst time to 99 % over the bound for each kind. A study that was stopped goes on where it was. Exit
+    status 1 when a flight is not completed, violates a check, or takes more than twice the bound.
+    """
+    from mpc_cover.studies.executors import LocalExecutor  # noqa: PLC0415 - --help need not wait for these
+    from mpc_cover.studies.robustness import run_robustness  # noqa: PLC0415
+
+    command = shlex.join(["mpc-cover", *sys.argv[1:]])
+    executor = LocalExecutor(jobs or cores())
+    study = run_robustness(tuple(only or ()), out, executor, console_for(as_json=as_json), command=command)
+    if as_json:
+        print_json({"folder": str(out), **study.to_dict()})
+    raise typer.Exit(study.exit_status)
+
+
 def _listed(text: str) -> list[str]:
     """Return the parts of a list with commas; none of an empty text."""
     return [part.strip() for part in text.split(",") if part.strip()]

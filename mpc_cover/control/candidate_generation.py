@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.control.demand_allocation import DemandAllocation
     from mpc_cover.control.planning_constraints import PlanningConstraints
-    from mpc_cover.information.demand import FlownMap
+    from mpc_cover.information.demand import DemandMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
@@ -46,7 +46,7 @@ class CandidateGenerator:
         self._constraints, self._allocation, self._planner = constraints, allocation, planner
 
     def best(
-        self, state: FleetState, coverage: FlownMap, former: Trajectory | None, budget: Budget
+        self, state: FleetState, coverage: DemandMap, former: Trajectory | None, budget: Budget
     ) -> Candidate | None:
         """Return the best of the former plan, repaired, and of a search, which is thorough at rest; None for none.
 
@@ -64,7 +64,7 @@ class CandidateGenerator:
         return self._best_verified(found, state)
 
     def _single_pass(
-        self, state: FleetState, coverage: FlownMap, former: Trajectory | None, budget: Budget
+        self, state: FleetState, coverage: DemandMap, former: Trajectory | None, budget: Budget
     ) -> Candidate | None:
         """Return a plan that takes many looks in a single pass, or None."""
         task = self._task(state, coverage, single_pass=True)
@@ -79,7 +79,7 @@ class CandidateGenerator:
         verified = (one for one in found if one.feasible and self._constraints.keeps(one.plan, state))
         return min(verified, key=lambda candidate: candidate.rank, default=None)
 
-    def _task(self, state: FleetState, coverage: FlownMap, *, single_pass: bool = False) -> Task:
+    def _task(self, state: FleetState, coverage: DemandMap, *, single_pass: bool = False) -> Task:
         weight, looks = self._allocation.next(coverage, state, single_pass=single_pass)
         here = (state.position, state.velocity, state.time)
         fleet, demand = self._constraints.planned, weight * self._constraints.reachable

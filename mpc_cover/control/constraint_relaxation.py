@@ -19,6 +19,7 @@ from mpc_cover.verification.ends import check_links
 from mpc_cover.verification.motion import taking_part, verify_motion
 from mpc_cover.verification.path import Path
 from mpc_cover.verification.separation import smallest_separations
+from mpc_cover.verification.tolerance import tolerance_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
     State = tuple[FloatArray, FloatArray]
 
-_ROUNDING = 1e-6
-"""Tolerance of distances, positions and speeds in relaxed bounds [m, m/s]; plain choice, far below any margin."""
 _DENSE_PARTS = 4
 """Instants per sample interval at which the extent of a path is evaluated; a plain choice."""
 
@@ -68,7 +67,7 @@ class MotionBounds:
         failed = verify_motion(least, *arrays, at_rest=True, start=start).first_failure
         if failed is not None:
             return f"{failed.name}: {failed.margin:.3g} {failed.unit} ({failed.where})"
-        kept = not self.pair_separation or _far_enough(smallest_separations(path), self.planned.separations)
+        kept = not self.pair_separation or _far_enough(smallest_separations(path), self.planned.separations, self.fleet)
         return None if kept else "separation of a pair that is too near already"
 
     def keeps_mixed(self, path: Path, other: Path) -> bool:
@@ -82,7 +81,7 @@ class MotionBounds:
         """Return whether the tree's edges stay within rho_C while any single agent flies the `other` motion."""
         if np.isinf(self.fleet.communication_range):
             return True
-        longest = self.fleet.communication_range + _ROUNDING
+        longest = self.fleet.communication_range + tolerance_of(self.fleet)
         ours, theirs = taking_part(path, self.fleet)[0], taking_part(other, self.fleet)[0]
         # agents that this bound does not clear are checked exactly
         doubtful = np.flatnonzero(self.fleet.is_active)[exchanged_bottlenecks(ours, theirs) > longest]
@@ -94,12 +93,12 @@ class MotionBounds:
         first, second = path.pair
         a_third = len(fleet.active) > fleet.is_active[first].astype(int) + fleet.is_active[second]
         neither = smallest_separations(path, (first[a_third], second[a_third]))
-        if not _far_enough(neither, required[a_third]):
+        if not _far_enough(neither, required[a_third], fleet):
             return False
         one, two = np.concatenate([first, second]), np.concatenate([second, first])
         flies = fleet.is_active[one]
         mixed = smallest_separations(path.beside(other), (fleet.size + one[flies], two[flies]))
-        return _far_enough(mixed, np.tile(required, 2)[flies])
+        return _far_enough(mixed, np.tile(required, 2)[flies], fleet)
 
 
 def strict_bounds(fleet: FleetConstraints) -> MotionBounds:
@@ -119,7 +118,7 @@ def attainable_bounds(fleet: FleetConstraints, known: Sequence[Path], start: Sta
 
     def violation(bounds: MotionBounds) -> tuple[float, float]:
         shortfall = fleet.separation_min - bounds.least_separation
-        return max(shortfall - _ROUNDING, 0.0), bounds.fleet.communication_range
+        return max(shortfall - tolerance_of(fleet), 0.0), bounds.fleet.communication_range
 
     attained = [relaxed(fleet, path) for path in known]
     flyable = [bounds for bounds, path in zip(attained, known, strict=True) if bounds.keeps(path, start)]
@@ -132,16 +131,16 @@ def relaxed(fleet: FleetConstraints, path: Path) -> MotionBounds:
     Speed limits are relaxed to the speeds at its start only: an agent that is too fast must slow down.
     """
     active = list(fleet.active)
-    speed = fleet.speed_max.copy()
-    speed[active] = np.maximum(speed[active], np.linalg.norm(path.velocity[0, active], axis=1) + _ROUNDING)
+    speed, rounding = fleet.speed_max.copy(), tolerance_of(fleet)
+    speed[active] = np.maximum(speed[active], np.linalg.norm(path.velocity[0, active], axis=1) + rounding)
     _, dense = path.dense(_DENSE_PARTS)
     low, high = dense[:, active].min(axis=(0, 1)), dense[:, active].max(axis=(0, 1))
     return MotionBounds(
         replace(
             fleet,
             speed_max=speed,
-            motion_min=np.minimum(fleet.motion_min, low - _ROUNDING),
-            motion_max=np.maximum(fleet.motion_max, high + _ROUNDING),
+            motion_min=np.minimum(fleet.motion_min, low - rounding),
+            motion_max=np.maximum(fleet.motion_max, high + rounding),
             communication_range=max(fleet.communication_range, longest_edge(path, fleet), _longest_link(path, fleet)),
         ),
         _too_near(path, fleet),
@@ -173,8 +172,8 @@ def _exchanged(path: Path, other: Path, index: int) -> Path:
     return Path(path.time, *arrays)
 
 
-def _far_enough(least: FloatArray, required: FloatArray) -> bool:
-    return bool((least >= required - _ROUNDING).all())
+def _far_enough(least: FloatArray, required: FloatArray, fleet: FleetConstraints) -> bool:
+    return bool((least >= required - tolerance_of(fleet)).all())
 
 
 def _too_near(path: Path, fleet: FleetConstraints) -> dict[tuple[int, int], float]:

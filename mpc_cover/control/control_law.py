@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from mpc_cover.control.recovery import Mode
-    from mpc_cover.information.demand import FlownMap
+    from mpc_cover.information.demand import DemandMap
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
@@ -55,7 +55,7 @@ class ControlLaw(Protocol):
         """The present mode; `REPLAN_AT_REST` requests a step while the whole fleet is at rest."""
         ...
 
-    def step(self, state: FleetState, coverage: FlownMap, budget: Budget) -> Proposal:
+    def step(self, state: FleetState, coverage: DemandMap, budget: Budget) -> Proposal:
         """Return a proposal from a state on, for the demand of `coverage`; thoroughly searched when `state.settled`."""
         ...
 

@@ -12,7 +12,7 @@ from mpc_cover.planning.task import LOOKS_PER_LAP, needs_laps
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
-    from mpc_cover.information.demand import FlownMap
+    from mpc_cover.information.demand import DemandMap
     from mpc_cover.mission.field import Field
     from mpc_cover.model.fleet_state import FleetState
 
@@ -38,7 +38,7 @@ class DemandAllocation:
         return self._deferred is not None and bool(self._deferred.any())
 
     def next(
-        self, coverage: FlownMap, state: FleetState, *, single_pass: bool = False
+        self, coverage: DemandMap, state: FleetState, *, single_pass: bool = False
     ) -> tuple[FloatArray, IntArray | None]:
         """Return weights and looks (J, K) for a new mission plan from this state; looks None for one each.
 
@@ -56,7 +56,7 @@ class DemandAllocation:
         return weight, np.minimum(demand.looks, most)
 
     def left(
-        self, coverage: FlownMap, state: FleetState, later: FloatArray, radius: FloatArray
+        self, coverage: DemandMap, state: FleetState, later: FloatArray, radius: FloatArray
     ) -> tuple[FloatArray, IntArray | None]:
         """Return weights and looks (J, K) allocated to the present mission plan that `later` samples do not take.
 

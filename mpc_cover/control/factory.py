@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from mpc_cover.errors import UserError
@@ -28,12 +29,15 @@ def require_double(mission: Mission) -> None:
 def make_control_law(mission: Mission, backend: str, seed: int) -> ControlLaw:
     """Return the receding-horizon control law of a mission, with a QP back-end by name and a seed.
 
+    It decides in the mission's local frame.
+
     Raises
     ------
     UserError
         The mission's agents are single integrators.
     """
     require_double(mission)
+    from mpc_cover.control.local_frame_law import LocalFrameLaw  # noqa: PLC0415 - as below
     from mpc_cover.control.receding_horizon import RecedingHorizon  # noqa: PLC0415 - imports the solvers
 
-    return RecedingHorizon(mission, backend=backend, seed=seed)
+    return LocalFrameLaw(mission, partial(RecedingHorizon, backend=backend, seed=seed))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.control.demand_allocation import DemandAllocation
     from mpc_cover.control.planning_constraints import PlanningConstraints
-    from mpc_cover.information.demand import FlownMap
+    from mpc_cover.information.demand import DemandMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
@@ -48,7 +48,7 @@ class PlanImprovement:
         self._constraints, self._allocation, self._planner = constraints, allocation, planner
 
     def improved(
-        self, plan: Trajectory, state: FleetState, coverage: FlownMap, incumbent: Trajectory | None, budget: Budget
+        self, plan: Trajectory, state: FleetState, coverage: DemandMap, incumbent: Trajectory | None, budget: Budget
     ) -> tuple[Trajectory, str]:
         """Return the mission plan with its first segment improved, or unchanged, and which of the two, in words.
 

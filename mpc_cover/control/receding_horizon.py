@@ -25,7 +25,7 @@ from mpc_cover.planning.task import Task
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.information.demand import FlownMap
+    from mpc_cover.information.demand import DemandMap
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
@@ -93,7 +93,7 @@ class RecedingHorizon:
         if self._proposed is not None and self._proposed[0] is trajectory:
             self._law_state = self._proposed[1]
 
-    def step(self, state: FleetState, coverage: FlownMap, budget: Budget) -> Proposal:
+    def step(self, state: FleetState, coverage: DemandMap, budget: Budget) -> Proposal:
         """Return a proposal from the predicted state on; never raises for numerical reasons.
 
         For a settled fleet the search is thorough. If the budget is too short for a plan worth flying, the fleet stays
@@ -108,7 +108,7 @@ class RecedingHorizon:
         self._law_state = _if_not_sent(self._law_state, law)
         return proposal
 
-    def _decide(self, state: FleetState, coverage: FlownMap, budget: Budget) -> tuple[Proposal, _LawState]:
+    def _decide(self, state: FleetState, coverage: DemandMap, budget: Budget) -> tuple[Proposal, _LawState]:
         """Return what to propose, and the state of the law once it is sent."""
         law = self._law_state
         rest = None if state.settled else self._rest_of(law.plan, state)
@@ -143,7 +143,7 @@ class RecedingHorizon:
         mode: Mode,
         situation: Situation,
         state: FleetState,
-        coverage: FlownMap,
+        coverage: DemandMap,
         budget: Budget,
     ) -> tuple[_LawState, Situation, str]:
         """Improve the mission plan, or find another one; return state, situation and reason."""
@@ -167,7 +167,7 @@ class RecedingHorizon:
         return law, situation, reason
 
     def _cover(
-        self, law: _LawState, situation: Situation, state: FleetState, coverage: FlownMap, budget: Budget
+        self, law: _LawState, situation: Situation, state: FleetState, coverage: DemandMap, budget: Budget
     ) -> tuple[_LawState, Situation, str]:
         """Adopt the best plan that is found for the demand, if it is better than to continue as before."""
         best = self._candidates.best(state, coverage, law.former, budget)
@@ -194,14 +194,14 @@ class RecedingHorizon:
         reason = "rendezvous" if plan is not None else "nothing better was found"
         return replace(law, plan=plan), replace(situation, rendezvous_possible=plan is not None), reason
 
-    def _is_poor(self, best: Candidate, law: _LawState, state: FleetState, coverage: FlownMap) -> bool:
+    def _is_poor(self, best: Candidate, law: _LawState, state: FleetState, coverage: DemandMap) -> bool:
         """Return whether a plan leaves most of the demand, so that a longer search is worth while."""
         if best.covers or coverage.endless:
             return False
         demand = self._left_by(state.position[None], state, coverage)
         return law.history.is_poor(self._left_by(best.plan.position, state, coverage), demand)
 
-    def _is_stranded(self, law: _LawState, state: FleetState, coverage: FlownMap, budget: Budget) -> bool:
+    def _is_stranded(self, law: _LawState, state: FleetState, coverage: DemandMap, budget: Budget) -> bool:
         """Return whether a fleet at rest has found no plan that moves it in time, though demand is outstanding."""
         here, plan = state.position, law.plan
         in_time = budget.left_s > -self._period
@@ -210,7 +210,7 @@ class RecedingHorizon:
             return False
         return bool((self._left_by(later, state, coverage) > 0.0).any())
 
-    def _runs_out(self, plan: Trajectory, state: FleetState, coverage: FlownMap) -> bool:
+    def _runs_out(self, plan: Trajectory, state: FleetState, coverage: DemandMap) -> bool:
         """Return whether a mission plan has covered its demand, or is about to end, while more is outstanding."""
         if coverage.endless:
             return not coverage.demand(state.time, state.position).gamma.any()
@@ -230,7 +230,7 @@ class RecedingHorizon:
         rest = state.trajectory(plan.velocity[done + 1 :], self._period)
         return rest if self._constraints.keeps(rest, state) else None
 
-    def _left_by(self, later: FloatArray, state: FleetState, coverage: FlownMap) -> FloatArray:
+    def _left_by(self, later: FloatArray, state: FleetState, coverage: DemandMap) -> FloatArray:
         """Return the weights (J, K) of the allocated demand that `later` positions (n, m, d) [m] do not cover."""
         weight, _ = self._allocation.left(coverage, state, later, self._constraints.planned.radius)
         return weight * self._constraints.reachable

@@ -26,18 +26,23 @@ if TYPE_CHECKING:
 
 _LEAST_SILENCE = 6
 """Samples of silence after which a neighbour is lost, at the least."""
+_COORDINATION_GAIN_PER_S = 0.1
+"""Gain of the gradients of (6.1) and (6.5), over the square of the smallest sensing radius [1/s]; a plain choice."""
 _LARGEST_BROADCAST, _READING = 1 << 20, 8
 """Bytes of a broadcast that are still accepted, and of a reading in it."""
 
 
 def law_parameters(mission: Mission) -> LawParameters:
     """Return the law's tuning."""
-    given, radius = mission.spec.potential, mission.fleet.radius
-    core = 0.5 * float(radius[np.isfinite(radius)].min()) if given.core_m is None else given.core_m
+    given, smallest = mission.spec.potential, mission.fleet.sensing_radius_min
+    core = 0.5 * smallest if given.core_m is None else given.core_m
+    pull = given.coordination_gain_m2_per_s
+    if pull is None:
+        pull = _COORDINATION_GAIN_PER_S * smallest**2
     return LawParameters(
         shape=CoverageShape(given.alpha, core),
         gain=math.inf if given.gain_m2_per_s is None else given.gain_m2_per_s,
-        coordination_gain=given.coordination_gain_m2_per_s,
+        coordination_gain=pull,
         random=given.random_part,
         spare=given.spare_edges,
     )

@@ -30,18 +30,12 @@ class Demand:
     looks: IntArray | None = None
 
 
-class FlownMap(Protocol):
-    """A map of residual information in flight: updated, planned for, reported, and kept for a later controller.
+class DemandMap(Protocol):
+    """What is owed, as control laws see it."""
 
-    Attributes
-    ----------
-    endless : whether it is never complete: a patrol.
-    """
-
-    endless: bool
-
-    def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
-        """Take in what a fleet at (m, d) positions [m] measures at a mission time [s], one for all or (m,)."""
+    @property
+    def endless(self) -> bool:
+        """Whether it is never complete: a patrol."""
         ...
 
     def demand(self, time_s: float, position: FloatArray) -> Demand:
@@ -60,6 +54,19 @@ class FlownMap(Protocol):
     @property
     def owed(self) -> BoolArray:
         """(J, K): where something is owed."""
+        ...
+
+    @property
+    def complete(self) -> bool:
+        """Whether the mission is over: nothing is owed, and nothing will be."""
+        ...
+
+
+class FlownMap(DemandMap, Protocol):
+    """A map of residual information in flight: updated, planned for, reported, and kept for a later controller."""
+
+    def observe(self, time_s: float | FloatArray, position: FloatArray) -> None:
+        """Take in what a fleet at (m, d) positions [m] measures at a mission time [s], one for all or (m,)."""
         ...
 
     @property
@@ -85,11 +92,6 @@ class FlownMap(Protocol):
     @property
     def fraction(self) -> float:
         """Part of the cells on which nothing is owed, 0 to 1; exactly 1 only when nothing is."""
-        ...
-
-    @property
-    def complete(self) -> bool:
-        """Whether the mission is over: nothing is owed, and nothing will be."""
         ...
 
     def state(self) -> dict[str, FloatArray]:

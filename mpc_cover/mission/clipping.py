@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.config import Shape
 
-_WHOLE = 1e-9
-"""Cells that lack less than this lie in W as a whole: rounding."""
+_WHOLE = 1e-6
+"""Cells that lack less than this lie in W as a whole: the rounding of coordinates that may be far from 0."""
 _REPAIRED = 1e-3
 """Part of the area that a repair of a polygon may change. A plain choice."""
 _NO_AREA = 1e-12

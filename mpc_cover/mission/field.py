@@ -92,11 +92,12 @@ def grid_axes(lower: FloatArray, upper: FloatArray, size: float) -> list[FloatAr
 
     They are the cells' middles; where the size does not divide the box, the last is the middle of what lies inside.
     """
+    rounding = _TILED + 4.0 * float(np.spacing(np.abs([lower, upper]).max())) / size  # coordinates may be far from 0
     axes = []
     for low, high in zip(lower, upper, strict=True):
-        count = max(1, int(np.ceil((high - low) / size - 1e-9)))
+        count = max(1, int(np.ceil((high - low) / size - rounding)))
         axis = low + (np.arange(count) + 0.5) * size
-        if low + count * size > high + _TILED * size:
+        if low + count * size > high + rounding * size:
             axis[-1] = 0.5 * (low + (count - 1) * size + high)
         axes.append(axis)
     return axes

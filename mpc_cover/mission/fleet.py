@@ -46,6 +46,11 @@ class Fleet:
     links: tuple[tuple[int, int], ...] = ()
 
     @property
+    def sensing_radius_min(self) -> float:
+        """The smallest sensing radius [m], to which tolerances and margins are relative."""
+        return float(self.radius[np.isfinite(self.radius)].min())
+
+    @property
     def size(self) -> int:
         """Number of agents m."""
         return len(self.ids)

@@ -26,8 +26,8 @@ class PotentialSpec(Model):
     """beta^(1/alpha) of (5.9): within it a cell does not attract; left out, half the smallest sensing radius."""
     gain_m2_per_s: Positive | None = None
     """K of (5.16), for each unit of residual information; left out, agents fly at u_max along the gradient."""
-    coordination_gain_m2_per_s: NonNegative = 0.1
-    """Of the potentials of (6.1) and (6.5)."""
+    coordination_gain_m2_per_s: NonNegative | None = None
+    """Of the potentials of (6.1) and (6.5); left out, a tenth of the smallest sensing radius squared a second."""
     random_part: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False), BeforeValidator(no_flag)] = 0.1
     """The random signal of (5.17), as a part of u_max."""
     repel_within_m: Positive | None = None

@@ -22,6 +22,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
+    from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
 
 _POLES = tuple(np.round(np.linspace(0.1, 0.9, 9), 1).tolist())
@@ -32,6 +33,8 @@ _ROUNDING = 1.0 + 1e-9
 """Factor on the sums that bounds what truncation and rounding leave out; a plain choice."""
 _POSITION_WEIGHT = 2.0
 """Weight of the position bound in the choice of gains: it reduces both the swath and the free distance of agents."""
+_START_TOLERANCE = 1e-3
+"""Tolerance of the start of a plan in sensing radii, and those a second; a plain choice, far above rounding."""
 _NOMINAL_NOISE, _NOMINAL_PUSH = 0.01, 0.05
 """Noise in sensing radii and gusts in u_max for which gains are chosen where a mission states none: agents that are
 merely slow track with feedback as well. Plain choices of a weak disturbance."""
@@ -78,23 +81,35 @@ class Tube:
 
 @dataclass(frozen=True)
 class Tracking:
-    """A mission's disturbance bounds, the feedback gains of its agents, and the tube that follows."""
+    """A mission's disturbance bounds, the feedback gains of its agents, and the tube that follows.
+
+    Attributes
+    ----------
+    start_tolerance : of the start of a plan, see `start_tolerance`.
+    """
 
     bounds: DisturbanceBounds
     gains: Gains
     tube: Tube
+    start_tolerance: float = 0.0
 
-    def contains(self, position: FloatArray, velocity: FloatArray, slack: float = 0.0) -> bool:
-        """Return whether a measured tracking error (d,) [m], [m/s] lies within the tube, up to `slack` [m], [m/s]."""
+    def contains(self, position: FloatArray, velocity: FloatArray) -> bool:
+        """Return whether a measured tracking error (d,) [m], [m/s] lies within the tube, up to `start_tolerance`."""
+        slack = self.start_tolerance
         position_error, velocity_error = float(np.linalg.norm(position)), float(np.linalg.norm(velocity))
         position_max = self.tube.position_m + self.bounds.position_noise_m
         return position_error <= position_max + slack and velocity_error <= self.tube.velocity_m_per_s + slack
 
 
+def start_tolerance(fleet: Fleet) -> float:
+    """Return the tolerance between the start of a plan and the agent's state at that time [m], [m/s]."""
+    return _START_TOLERANCE * fleet.sensing_radius_min
+
+
 def tracking_of(mission: Mission) -> Tracking:
     """Return bounds, gains and tube of a mission's agents."""
     bounds, gains = bounds_of(mission), gains_of(mission)
-    return Tracking(bounds, gains, tube(bounds, gains))
+    return Tracking(bounds, gains, tube(bounds, gains), start_tolerance(mission.fleet))
 
 
 def bounds_of(mission: Mission) -> DisturbanceBounds:
@@ -114,8 +129,9 @@ def tube_of(mission: Mission) -> Tube:
 def gains_of(mission: Mission) -> Gains:
     """Return the gains whose tube is smallest, relative to the fleet's smallest sensing radius, speed and input."""
     fleet = mission.fleet
-    radius = float(fleet.radius[np.isfinite(fleet.radius)].min())
-    return _best_gains(bounds_of(mission), radius, float(fleet.speed_max.min()), float(fleet.input_max.min()))
+    return _best_gains(
+        bounds_of(mission), fleet.sensing_radius_min, float(fleet.speed_max.min()), float(fleet.input_max.min())
+    )
 
 
 @lru_cache(maxsize=64)

@@ -206,7 +206,7 @@ def initial_guesses(task: Task, search: Search) -> Iterator[Guess]:
         return
     yield from systematic
     rng = np.random.default_rng(search.seed)
-    radius = float(task.fleet.radius[np.isfinite(task.fleet.radius)].min())
+    radius = task.fleet.sensing_radius_min
     number = 0
     while (task.weight > 0.0).any():
         number += 1

@@ -11,6 +11,7 @@ from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
 from mpc_cover.information.replay import measured_at
 from mpc_cover.model.fleet_constraints import FleetConstraints
+from mpc_cover.model.local_frame import LocalFrame
 from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.min_time import FAILURES
 from mpc_cover.planning.multistart import Search
@@ -72,12 +73,13 @@ def plan_mission(
         Unknown back-end, or no motion was found that satisfies the constraints.
     """
     options = options or PlanOptions()
-    planner, task = Planner(options.backend), offline_task(mission)
+    planner, frame = Planner(options.backend), LocalFrame.of(mission)
+    task = offline_task(mission, frame)
     steps = round(mission.spec.planning.duration_s / task.period)
     limit_s = options.time_limit_s
     budget = Budget.unlimited() if limit_s is None else Budget.wall_clock(limit_s)
     search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
-    notify = _notifier(task.period, on_progress)
+    notify = _notifier(task.period, frame, on_progress)
     if options.min_time:
         found = planner.shortest(task, search, budget, notify, failures=FAILURES if limit_s is None else None)
     else:
@@ -85,15 +87,19 @@ def plan_mission(
         found = planner.fixed(task, steps, replace(search, rounds=rounds), budget, notify)
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
-    return _recording(mission, options, found)
+    return _recording(mission, options, frame, found)
 
 
-def offline_task(mission: Mission) -> Task:
-    """Return the task of covering a mission from scratch."""
-    fleet, planning = mission.fleet, mission.spec.planning
-    demand = make_map(mission).demand(0.0, np.full_like(fleet.start, np.nan))  # no cell is in range before the start
+def offline_task(mission: Mission, frame: LocalFrame | None = None) -> Task:
+    """Return the task of covering a mission from scratch, in metres or in a local frame."""
+    planning = mission.spec.planning
+    nowhere = np.full_like(mission.fleet.start, np.nan)  # no cell is in range before the start
+    demand = make_map(mission).demand(0.0, nowhere)
     end = End(planning.end)
     goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if end is End.FIXED else None
+    if frame is not None:
+        mission, goal = frame.mission(mission), None if goal is None else frame.position(goal)
+    fleet = mission.fleet
     return Task(
         FleetConstraints.of(fleet),
         mission.field.cell,
@@ -109,19 +115,22 @@ def offline_task(mission: Mission) -> Task:
     )
 
 
-def _notifier(period: float, on_progress: Callable[[str], None] | None) -> Callable[[int, Candidate], None] | None:
+def _notifier(
+    period: float, frame: LocalFrame, on_progress: Callable[[str], None] | None
+) -> Callable[[int, Candidate], None] | None:
     if on_progress is None:
         return None
 
     def notify(steps: int, candidate: Candidate) -> None:
-        outcome = "covers everything" if candidate.complete else f"J = {candidate.cost:.4g} m"
+        outcome = "covers everything" if candidate.complete else f"J = {frame.length * candidate.cost:.4g} m"
         on_progress(f"{steps * period:.4g} s: {outcome} ({candidate.origin.name})")
 
     return notify
 
 
-def _recording(mission: Mission, options: PlanOptions, found: Candidate) -> Recording:
-    plan = found.plan
+def _recording(mission: Mission, options: PlanOptions, frame: LocalFrame, found: Candidate) -> Recording:
+    given = mission.spec.planning.start == "fixed"
+    plan = frame.metric(found.plan, mission.fleet.start if given else None)
     return Recording(
         time=plan.time,
         position=plan.position,
@@ -136,7 +145,7 @@ def _recording(mission: Mission, options: PlanOptions, found: Candidate) -> Reco
             "version": __version__,
             "seed": options.seed,
             "backend": options.backend,
-            "cost_m": found.cost,
+            "cost_m": frame.length * found.cost,
             "guess": found.origin.name,
             **_solver_meta(found),
         },

@@ -8,8 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.coverage.majoriser import SAMPLES_PER_TERM, Softness
 from mpc_cover.coverage.objective import coverage_cost
@@ -122,8 +120,7 @@ def softness_at(sharpness: float, radius: float, margin: float = MARGIN, count: 
 
 def length_scale(ocp: OCP) -> float:
     """Return the smallest sensing radius of the fleet [m]."""
-    radius = ocp.fleet.radius
-    return float(radius[np.isfinite(radius)].min())
+    return ocp.fleet.sensing_radius_min
 
 
 def optimise(

@@ -48,12 +48,17 @@ _CAPTIONS = {
 def page(groups: Mapping[str, Sequence[Group]], pictures: Mapping[str, bytes], commands: Sequence[str]) -> str:
     """Return the report; `pictures` are PNGs by name."""
     parts = [*_tables(groups), *_figures(pictures), *_origin(groups, commands)]
-    body = "\n".join(parts)
+    return document("mpc-cover study horizon", parts)
+
+
+def document(title: str, parts: Sequence[str]) -> str:
+    """Return a self-contained HTML document with a title, of `parts` that are HTML."""
+    name, body = escape(title), "\n".join(parts)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>mpc-cover study horizon</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
-        f"<h1>mpc-cover study horizon</h1>\n{body}\n</body>\n</html>\n"
+        f"<title>{name}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        f"<h1>{name}</h1>\n{body}\n</body>\n</html>\n"
     )
 
 

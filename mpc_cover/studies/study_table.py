@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mpc_cover.studies.tally import median, worst
-from mpc_cover.verification.check import TOLERANCE
+from mpc_cover.verification.tolerance import TOLERANCE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

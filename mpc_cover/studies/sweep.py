@@ -27,7 +27,7 @@ from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
-    from mpc_cover.information.demand import FlownMap
+    from mpc_cover.information.demand import DemandMap
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_state import FleetState
@@ -84,7 +84,7 @@ class SweepLaw:
         self.strips: list[Strip] = []
         self._passed: IntArray = np.zeros(fleet.size, dtype=np.intp)
 
-    def step(self, state: FleetState, coverage: FlownMap, budget: Budget) -> Proposal:  # noqa: ARG002 - it takes no time
+    def step(self, state: FleetState, coverage: DemandMap, budget: Budget) -> Proposal:  # noqa: ARG002 - it takes no time
         """Return the plan towards all agents' next waypoints; a fleet at rest is first assigned what is owed."""
         self._fleet = replace(self._able, speed_max=self._able.speed_max * state.speed_share)
         if state.settled:

@@ -6,7 +6,7 @@ import base64
 from html import escape
 from typing import TYPE_CHECKING
 
-from mpc_cover.studies.page import STYLE, machine, versions_line
+from mpc_cover.studies.page import document, machine, versions_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -26,13 +26,8 @@ _CHAPTERS = {
 
 def thesis_page(folder: Path, parts: Sequence[PartResult], tallies: Sequence[SeedTally], command: str) -> str:
     """Return the page; `folder` holds a folder with pictures for each part."""
-    body = "\n".join([*_problems(parts, tallies), *_chapters(folder, parts), *_seeds(tallies), *_origin(command)])
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>The thesis's figures</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
-        f"<h1>The thesis's figures, as mpc-cover makes them</h1>\n{body}\n</body>\n</html>\n"
-    )
+    parts_of_page = [*_problems(parts, tallies), *_chapters(folder, parts), *_seeds(tallies), *_origin(command)]
+    return document("The thesis's figures, as mpc-cover makes them", parts_of_page)
 
 
 def _problems(parts: Sequence[PartResult], tallies: Sequence[SeedTally]) -> Iterator[str]:

@@ -15,12 +15,10 @@ from mpc_cover.verification.losses import losses_of, verify_with_losses
 from mpc_cover.verification.motion import verify_motion
 from mpc_cover.verification.report import Check, CheckName, Report
 from mpc_cover.verification.single import as_single
+from mpc_cover.verification.tolerance import tolerance_of
 
 if TYPE_CHECKING:
     from mpc_cover.trajectory_file import Recording
-
-TOLERANCE = 1e-6
-"""Tolerance of limits and of residuals [m, m/s, m/s^2]."""
 
 
 def check_trajectory(trajectory: Recording) -> Report:
@@ -31,11 +29,12 @@ def check_trajectory(trajectory: Recording) -> Report:
     them. The coverage is recomputed from the positions at the samples, and so are the ages of a strict patrol's looks.
     """
     fleet, planning = trajectory.mission.fleet, trajectory.mission.spec.planning
+    tolerance = tolerance_of(fleet)
     planned = trajectory.meta.get("kind") == RecordingKind.PLAN
     free = planned and planning.start is PlanStart.FREE
     start = (fleet.start, np.zeros_like(fleet.start))
     if (losses := losses_of(trajectory)) and not planned:
-        motion = verify_with_losses(trajectory, losses, tolerance=TOLERANCE, start=start)
+        motion = verify_with_losses(trajectory, losses, tolerance=tolerance, start=start)
     else:
         motion = verify_motion(
             fleet,
@@ -43,7 +42,7 @@ def check_trajectory(trajectory: Recording) -> Report:
             trajectory.position,
             trajectory.velocity,
             trajectory.input,
-            tolerance=TOLERANCE,
+            tolerance=tolerance,
             at_rest=planned and planning.end in {PlanEnd.REST, PlanEnd.FIXED},
             start=None if free else start,
         )
@@ -52,6 +51,6 @@ def check_trajectory(trajectory: Recording) -> Report:
     if not motion.checks[0].holds:
         unseen = Check(CheckName.COVERAGE, holds=False, margin=-np.inf, unit="s", where="not looked at")
         return Report((*motion.checks, unseen))
-    ends = check_plan_ends(trajectory, TOLERANCE) if planned else []
+    ends = check_plan_ends(trajectory, tolerance) if planned else []
     coverage = check_coverage(trajectory)
     return Report((*motion.checks, *ends, *coverage, *(check_ages(trajectory) if coverage[0].holds else [])))

@@ -21,6 +21,7 @@ from mpc_cover.verification.limits import (
 from mpc_cover.verification.path import Path
 from mpc_cover.verification.report import Check, CheckName, Report
 from mpc_cover.verification.separation import smallest_separation
+from mpc_cover.verification.tolerance import tolerance_of
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -38,7 +39,7 @@ def verify_motion(
     velocity: FloatArray,
     force: FloatArray,
     *,
-    tolerance: float = 1e-6,
+    tolerance: float | None = None,
     at_rest: bool = False,
     start: tuple[FloatArray, FloatArray] | None = None,
 ) -> Report:
@@ -54,7 +55,7 @@ def verify_motion(
     time : (T,) [s], strictly increasing, not necessarily even, T >= 2.
     position, velocity : (T, m, d) [m], [m/s].
     force : (T-1, m, d) inputs [m/s^2], held over each interval.
-    tolerance : of limits and of residuals [m, m/s, m/s^2].
+    tolerance : of limits and of residuals [m, m/s, m/s^2]; left out, `tolerance.tolerance_of` the fleet.
     at_rest : whether the fleet must stand still at the end.
     start : (m, d) position [m] and velocity [m/s] that the motion must start in.
     """
@@ -62,6 +63,7 @@ def verify_motion(
     fleet = FleetConstraints.of(given)
     if (wrong := _malformed(fleet, arrays)) is not None:
         return _all_failed(fleet, wrong, at_rest=at_rest, start=start is not None)
+    tolerance = tolerance_of(fleet) if tolerance is None else tolerance
     path = Path(*(np.asarray(array, dtype=float) for array in arrays[:4]))
     own, part = taking_part(path, fleet)
     checks = [

@@ -15,6 +15,7 @@ from mpc_cover.verification.losses import losses_of, segments, separations
 from mpc_cover.verification.motion import taking_part
 from mpc_cover.verification.path import Path
 from mpc_cover.verification.separation import smallest_separation
+from mpc_cover.verification.tolerance import tolerance_of
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from mpc_cover.trajectory_file import Recording
     from mpc_cover.verification.report import Report
 
-_TOLERANCE = 1e-6
 _LEVELS = (90, 95, 99, 100)
 
 
@@ -109,7 +109,7 @@ def summarise(trajectory: Recording, report: Report, step_times: FloatArray | No
     path = Path(trajectory.time, trajectory.position, trajectory.velocity, trajectory.input)
     closest, longest = smallest_separation(path), _longest_edge(trajectory)
     asked = bool(np.isfinite(fleet.communication_range))
-    torn = asked and longest is not None and longest > fleet.communication_range + _TOLERANCE
+    torn = asked and longest is not None and longest > fleet.communication_range + tolerance_of(fleet)
     speed, speed_max = _nearest_bound(trajectory.velocity, fleet.speed_max)
     force, force_max = _nearest_bound(trajectory.input, fleet.input_max)
     reached = {level: time_to_cover(trajectory, level) for level in _LEVELS}
@@ -224,7 +224,7 @@ def _longest_edge(trajectory: Recording) -> float | None:
 def _time_apart(trajectory: Recording) -> float:
     """Return for how long agents not lost by then were out of range of each other [s]."""
     end = float(trajectory.time[-1])
-    apart = separations(trajectory, losses_of(trajectory), _TOLERANCE)
+    apart = separations(trajectory, losses_of(trajectory), tolerance_of(trajectory.mission.fleet))
     return float(sum(min(one.end, end) - one.begin for one in apart))
 
 

@@ -25,13 +25,14 @@ class Scale:
 
 
 def draw_pixels(axes: Axes, field: Field, value: FloatArray, scale: Scale) -> AxesImage:
-    """Draw (K,) values as pixels; cells above each other share one, with their mean."""
+    """Draw (K,) values as pixels; cells above each other share one, with the mean of those that are numbers."""
     lower, size = field.shape_min[:2], field.cell_size
     place = np.floor((field.cell[:, :2] - lower) / size + 1e-9).astype(int)
     count = place.max(axis=0) + 1
     total, cells = np.zeros(count), np.zeros(count)
-    np.add.at(total, tuple(place.T), value)
-    np.add.at(cells, tuple(place.T), 1.0)
+    known = ~np.isnan(value)
+    np.add.at(total, tuple(place[known].T), value[known])
+    np.add.at(cells, tuple(place[known].T), 1.0)
     shade = np.divide(total, cells, out=np.full(count, np.nan), where=cells > 0.0)
     right, top = lower + count * size
     return axes.imshow(

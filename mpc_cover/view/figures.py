@@ -13,7 +13,14 @@ from mpc_cover.mission.config import Dynamics
 from mpc_cover.verification.summary import floor_percent, time_for_a_step
 from mpc_cover.view.information import draw_ages, headline_of_patrol, is_patrol
 from mpc_cover.view.maps import draw_map
-from mpc_cover.view.series import draw_coverage, draw_distances, draw_inputs, draw_speeds, draw_step_times
+from mpc_cover.view.series import (
+    draw_altitudes,
+    draw_coverage,
+    draw_distances,
+    draw_inputs,
+    draw_speeds,
+    draw_step_times,
+)
 from mpc_cover.view.style import GOOD, INK, LIMIT, house_style, new_figure, save_figure
 
 if TYPE_CHECKING:
@@ -85,6 +92,8 @@ def _panels(trajectory: Recording, step_times: FloatArray | None) -> dict[str, D
         "coverage": lambda axes: draw_coverage(axes, trajectory),
         "speeds": lambda axes: draw_speeds(axes, trajectory),
     }
+    if trajectory.mission.fleet.dimension > 2:  # noqa: PLR2004 - space
+        panels["altitudes"] = lambda axes: draw_altitudes(axes, trajectory)
     if is_patrol(trajectory.mission):
         panels["ages"] = lambda axes: draw_ages(axes, trajectory)
     if trajectory.mission.spec.fleet.dynamics is not Dynamics.SINGLE:  # their speed is their input
@@ -150,8 +159,11 @@ def _headline(trajectory: Recording, report: Report | None) -> tuple[str, str]:
     if is_patrol(trajectory.mission):
         done = headline_of_patrol(trajectory)
     text = f"{trajectory.mission.spec.name}, {kind}: {done}"
+    short = covered < 100.0 and not is_patrol(trajectory.mission)  # noqa: PLR2004 - percent
     if report is None:
-        return text, INK
+        return text, LIMIT if short else INK
     if (failure := report.first_failure) is not None:
         return f"{text}\nVIOLATION: {failure.name}, {failure.where}", LIMIT
+    if short:
+        return f"NOT COMPLETE: {text}; all {len(report.checks)} checks hold", LIMIT
     return f"{text}; verified, all {len(report.checks)} checks hold", GOOD

@@ -31,7 +31,7 @@ def meaning_of_dark(mission: Mission) -> str:
             return f"dark: looks come to less than {level:g}"
         case _:
             looks = mission.spec.looks
-            return f"dark: fewer than {looks} looks" if looks > 1 else "dark: never measured"
+            return f"dark: fewer than {looks} looks" if looks > 1 else "dark: never"
 
 
 def draw_ages(axes: Axes, trajectory: Recording) -> None:

@@ -1,87 +1,87 @@
-"""Trajectories over the coverage map: uncovered cells are dark, as in the thesis's figures 4.2 to 4.4."""
+"""Trajectories over the coverage map: when each cell was covered; dark where never (thesis, figures 4.2 to 4.4)."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.markers import MarkerStyle
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.patches import Circle, PathPatch, Rectangle
 from matplotlib.path import Path as Outline
-from matplotlib.transforms import Affine2D
 
 from mpc_cover.mission.config import BoxShape, DiscShape, PolygonShape
 from mpc_cover.verification.coverage_claim import first_measured
 from mpc_cover.verification.information_summary import age_history
-from mpc_cover.verification.path import Path
 from mpc_cover.view.cells import Scale, draw_pixels
 from mpc_cover.view.information import is_patrol, meaning_of_dark
-from mpc_cover.view.style import COVERED, INK, QUIET, UNCOVERED, agent_style, outlined
+from mpc_cover.view.map_agents import draw_agents
+from mpc_cover.view.style import COVERED, INK, QUIET, UNCOVERED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patches import Patch
 
-    from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.config import Shape
     from mpc_cover.trajectory_file import Recording
 
-_SHADE = LinearSegmentedColormap.from_list("coverage", [COVERED, UNCOVERED])
+_AGES = LinearSegmentedColormap.from_list("ages", [COVERED, UNCOVERED])
+_TIMES = LinearSegmentedColormap.from_list("times", ["#fbf4e1", "#d8e6cf", "#a3c9c4", "#7ba6bd", "#7288ad"])
+"""Colours of early to late times, light enough for paths to be seen on; what was never covered is drawn below them."""
 _TIE = 1e-9
-_ARROWS = 6
-"""Arrow heads on each path."""
-_LABELLED = 16
-"""With more agents than this, ids would hide the map."""
 
 
 def draw_map(axes: Axes, trajectory: Recording, magnitude: int | None = None) -> None:
-    """Draw the cells, the area's outline, the paths, and the fleet at the end with its discs and tree.
+    """Draw when each cell was covered, the area's outline, the paths, and the fleet at the end with discs and tree.
 
-    With a `magnitude` (index), what was measured of it, and only the agents that can measure it.
+    With a `magnitude` (index), when it was measured, and only the agents that can measure it. Of a patrol the ages of
+    the looks are drawn instead.
     """
     fleet = trajectory.mission.fleet
     able = np.arange(fleet.size) if magnitude is None else np.flatnonzero(fleet.radius[:, magnitude] > 0.0)
-    draw_pixels(axes, trajectory.mission.field, _owed(trajectory, magnitude), Scale(_SHADE, 0.0, 1.0))
+    if is_patrol(trajectory.mission):
+        draw_pixels(axes, trajectory.mission.field, _ages(trajectory, magnitude), Scale(_AGES, 0.0, 1.0))
+    else:
+        _draw_times(axes, trajectory, magnitude)
     _draw_area(axes, trajectory)
-    if np.isfinite(fleet.communication_range):
-        _draw_tree(axes, trajectory.position[-1])
-    radius = fleet.radius.max(axis=1) if magnitude is None else fleet.radius[:, magnitude]
-    _draw_paths(axes, trajectory, able)
-    _draw_ends(axes, trajectory, able, radius)
     axes.set_aspect("equal")
     axes.grid(visible=False)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.set_title(_title(trajectory, magnitude))
+    radius = fleet.radius.max(axis=1) if magnitude is None else fleet.radius[:, magnitude]
+    draw_agents(axes, trajectory, able, radius)
 
 
 def _title(trajectory: Recording, magnitude: int | None) -> str:
     names = trajectory.mission.fleet.magnitudes
-    if magnitude is not None:
-        name = names[magnitude]
-        return name[:1].upper() + name[1:] if name.startswith("coverage") else f"Coverage of {name}"
-    several = len(names) > 1
-    dark = meaning_of_dark(trajectory.mission)
-    if several and not is_patrol(trajectory.mission):
-        dark = f"the darker, the more of {len(names)} magnitudes owed"
     flat = "; projected to x-y" if trajectory.mission.fleet.dimension > 2 else ""  # noqa: PLR2004 - space
-    return f"Coverage ({dark}{flat})"
-
-
-def _owed(trajectory: Recording, magnitude: int | None) -> FloatArray:
-    """Return (K,): the part of the magnitudes still owed on each cell, or of a patrol's limit its age, 0 to 1."""
-    radius = trajectory.mission.fleet.radius
+    dark = f"({meaning_of_dark(trajectory.mission)}{flat})"
     if is_patrol(trajectory.mission):
-        history = age_history(trajectory)
-        last = history.last_s if magnitude is None else history.last_s[[magnitude]]
-        return np.asarray(np.clip(last / history.limit_s, 0.0, 1.0).mean(axis=0))
-    if magnitude is None and radius.shape[1] == 1:
-        return np.isinf(trajectory.covered_at).astype(float)
-    columns = range(radius.shape[1]) if magnitude is None else [magnitude]
-    owed = [np.isinf(first_measured(trajectory, radius[:, [j]] + _TIE)) for j in columns]
-    return np.asarray(np.mean(owed, axis=0))
+        return f"Ages of looks {dark}" if magnitude is None else f"Ages of looks: {names[magnitude]}"
+    if magnitude is not None:
+        return f"When covered: {names[magnitude]}"
+    return f"When each cell was covered {dark}"
+
+
+def _ages(trajectory: Recording, magnitude: int | None) -> FloatArray:
+    """Return (K,): the age of each cell's last look at the end, as a part of the limit, 0 to 1."""
+    history = age_history(trajectory)
+    last = history.last_s if magnitude is None else history.last_s[[magnitude]]
+    return np.asarray(np.clip(last / history.limit_s, 0.0, 1.0).mean(axis=0))
+
+
+def _draw_times(axes: Axes, trajectory: Recording, magnitude: int | None) -> None:
+    """Draw when each cell was covered, with a colour bar; what never was is dark."""
+    time, field = trajectory.covered_at, trajectory.mission.field
+    if magnitude is not None and trajectory.mission.fleet.radius.shape[1] > 1:
+        time = first_measured(trajectory, trajectory.mission.fleet.radius[:, [magnitude]] + _TIE)
+    begin, end = float(trajectory.time[0]), float(trajectory.time[-1])
+    never = ListedColormap([UNCOVERED])
+    draw_pixels(axes, field, np.isinf(time).astype(float), Scale(never.with_extremes(under="none"), 0.5, 1.0))
+    scale = Scale(_TIMES, begin, max(end, begin + _TIE))
+    image = draw_pixels(axes, field, np.where(np.isinf(time), np.nan, time), scale)
+    axes.figure.colorbar(image, ax=axes, label="covered at [s]", location="bottom", shrink=0.6, pad=0.02, aspect=40)
 
 
 def _draw_area(axes: Axes, trajectory: Recording) -> None:
@@ -115,80 +115,3 @@ def _outline(shape: Shape) -> Patch:
             rings = (shape.outline_m, *shape.holes_m)
             closed = [Outline([*ring, ring[0]], closed=True) for ring in rings]
             return PathPatch(Outline.make_compound_path(*closed), **line)
-
-
-def _draw_paths(axes: Axes, trajectory: Recording, agents: IntArray) -> None:
-    path = Path(trajectory.time, trajectory.position, trajectory.velocity, trajectory.input)
-    _, dense = path.dense(max(2, min(12, 6000 // len(trajectory.time))))
-    for agent in agents:
-        colour, line = agent_style(int(agent))
-        axes.plot(
-            *dense[:, agent, :2].T,
-            color=colour,
-            linestyle=line,
-            linewidth=1.9,
-            solid_capstyle="round",
-            path_effects=outlined(3.2),
-            zorder=3,
-        )
-        _draw_arrows(axes, dense[:, agent, :2], colour)
-
-
-def _draw_arrows(axes: Axes, point: FloatArray, colour: str) -> None:
-    """Draw arrow heads along a path of (Q, 2) points, evenly spaced on its length."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(point, axis=0), axis=1))])
-    if length[-1] == 0.0:
-        return
-    count = _ARROWS + 1
-    for goal in length[-1] * np.arange(1, count) / count:
-        k = int(np.searchsorted(length, goal))
-        ahead = point[k] - point[k - 1]
-        turn = Affine2D().rotate(float(np.arctan2(ahead[1], ahead[0])))
-        head = MarkerStyle(">", transform=turn)
-        axes.plot(*point[k], marker=head, markersize=8, color=colour, markeredgecolor="white", zorder=3.5)
-
-
-def _draw_ends(axes: Axes, trajectory: Recording, agents: IntArray, radius: FloatArray) -> None:
-    """Draw the start (hollow), the end (filled) with the sensing disc, and the id."""
-    for agent in agents:
-        colour, _ = agent_style(int(agent))
-        start, end = trajectory.position[0, agent, :2], trajectory.position[-1, agent, :2]
-        disc = Circle((end[0], end[1]), radius[agent], facecolor=colour, edgecolor=colour, alpha=0.22, zorder=2)
-        axes.add_patch(disc)
-        axes.plot(
-            *start, "o", markersize=7, markerfacecolor="white", markeredgecolor=colour, markeredgewidth=2, zorder=4
-        )
-        axes.plot(
-            *end, "o", markersize=9, markerfacecolor=colour, markeredgecolor="white", markeredgewidth=1.2, zorder=5
-        )
-        if len(agents) <= _LABELLED:
-            axes.annotate(
-                trajectory.agent_id[agent],
-                (end[0], end[1]),
-                xytext=(8, 7),
-                textcoords="offset points",
-                fontweight="bold",
-                path_effects=outlined(3.0),
-                zorder=6,
-            )
-
-
-def _draw_tree(axes: Axes, position: FloatArray) -> None:
-    """Draw the edges of the Euclidean minimum spanning tree of (m, d) positions [m]."""
-    edges = [position[list(edge), :2] for edge in spanning_tree(position)]
-    axes.add_collection(LineCollection(edges, colors=INK, linewidths=1.1, linestyles=(0, (3, 2)), zorder=2.5))
-
-
-def spanning_tree(position: FloatArray) -> list[tuple[int, int]]:
-    """Return the m - 1 edges of the Euclidean minimum spanning tree of (m, d) positions (Prim)."""
-    distance = np.linalg.norm(position[:, None] - position[None], axis=2)
-    near, parent = distance[0].copy(), np.zeros(len(position), dtype=int)
-    near[0] = np.inf
-    edges = []
-    for _ in range(len(position) - 1):
-        new = int(np.argmin(near))
-        edges.append((int(parent[new]), new))
-        closer = (distance[new] < near) & np.isfinite(near)
-        near[closer], parent[closer] = distance[new][closer], new
-        near[new] = np.inf
-    return edges

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 _FEW = 6
 """Up to so many agents a curve each is legible; above, the largest of all is drawn on top."""
+_ROOM = 1.3
+"""Height of the distances' axes over the largest value, for a legend above the curves."""
 _DENSE = 4000
 """About how many instants a curve of distances is evaluated at."""
 
@@ -42,22 +44,12 @@ def draw_coverage(axes: Axes, trajectory: Recording) -> None:
         lines.append(f"{level} %: " + ("never" if time is None else f"{time:.1f} s"))
         if time is not None:
             axes.plot(time, level, "o", color=GOOD, markeredgecolor="white", markersize=6, zorder=4)
-    box = {"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 3.0}
-    height, side = (0.06, "bottom") if 2 * covered.size > cells else (0.82, "top")
-    axes.text(0.985, height, "\n".join(lines), transform=axes.transAxes, ha="right", va=side, bbox=box, fontsize=9.5)
     if (bound := swath_bound(trajectory.mission)) is not None and bound <= end:
         axes.axvline(bound, color=QUIET, linewidth=1.2, linestyle=(0, (6, 2)))
-        axes.annotate(
-            f"swath bound\n{bound:.1f} s",
-            (bound, 4.0),
-            xytext=(4, 0),
-            textcoords="offset points",
-            color=QUIET,
-            fontsize=9.0,
-            ha="left",
-            va="bottom",
-            path_effects=outlined(2.5),
-        )
+        lines.append(f"swath bound (dashed): {bound:.1f} s")
+    box = {"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 3.0}
+    height, side = (0.06, "bottom") if 2 * covered.size > cells else (0.86, "top")
+    axes.text(0.985, height, "\n".join(lines), transform=axes.transAxes, ha="right", va=side, bbox=box, fontsize=9.5)
     axes.set_ylim(0.0, 103.0)
     _finish(axes, trajectory, f"Covered: {floor_percent(covered.size, cells):g} % of {cells} cells", "covered [%]")
 
@@ -98,22 +90,21 @@ def draw_distances(axes: Axes, trajectory: Recording) -> None:
     axes.plot(time, distance, color=QUIET, linewidth=0.9, alpha=max(0.25, 1.0 - 0.02 * first.size))
     if len(trajectory.agent_id) > 2:  # noqa: PLR2004 - of one pair the tree is the pair
         widest, name = _longest_edge(losses, len(trajectory.agent_id), time, distance), "longest tree edge"
-        name += " (living)" * bool(losses)
+        name = "tree edge (living)" if losses else name
         axes.plot(time, widest, color=INK, linewidth=2.6, label=name, path_effects=outlined(4.0))
         axes.plot(time, distance.min(axis=1), color="#D55E00", linewidth=2.2, label="closest pair")
     _mark_losses(axes, trajectory, losses)
     if axes.get_legend_handles_labels()[1]:
-        columns = 1 if losses else 2  # the label of a loss is too long for a second column
-        legend = axes.legend(loc="upper left", ncols=columns, handlelength=1.3, columnspacing=0.9, borderpad=0.2)
+        legend = axes.legend(loc="upper left", ncols=2, handlelength=1.3, columnspacing=0.9, borderpad=0.2)
         legend.set_in_layout(False)
-    room = 1.3 + 0.2 * len(losses)
-    top = room * float(distance.max())
+    top = _ROOM * float(distance.max())
     if fleet.separation_min > 0.0:
         axes.axhspan(0.0, fleet.separation_min, color=LIMIT, alpha=0.12, linewidth=0)
-        draw_limit(axes, fleet.separation_min, rf"$\rho_B$ = {fleet.separation_min:g} m")
+        draw_limit(axes, fleet.separation_min, rf"separation $\rho_B$ = {fleet.separation_min:g} m")
     if np.isfinite(fleet.communication_range):
-        draw_limit(axes, fleet.communication_range, rf"$\rho_C$ = {fleet.communication_range:g} m", above=False)
-        top = max(top, room * fleet.communication_range)
+        reach = rf"communication range $\rho_C$ = {fleet.communication_range:g} m"
+        draw_limit(axes, fleet.communication_range, reach)
+        top = max(top, _ROOM * fleet.communication_range)
     axes.set_ylim(0.0, top)
     _finish(axes, trajectory, "Distances between agents", "distance [m]")
 
@@ -135,10 +126,39 @@ def _longest_edge(losses: dict[int, float], agents: int, time: FloatArray, dista
 
 
 def _mark_losses(axes: Axes, trajectory: Recording, losses: dict[int, float]) -> None:
-    """Draw when agents were lost, each with its own entry in the legend."""
+    """Draw when agents were lost, each named along its line, where it hides no curve."""
     for index, time in sorted(losses.items(), key=lambda item: item[1]):
-        name = f"{trajectory.agent_id[index]} dies, {time:.1f} s"
-        axes.axvline(time, color=agent_style(index)[0], linewidth=1.8, linestyle=(0, (2, 1.5)), label=name, zorder=3)
+        colour = agent_style(index)[0]
+        axes.axvline(time, color=colour, linewidth=1.8, linestyle=(0, (2, 1.5)), zorder=3)
+        axes.annotate(
+            f"{trajectory.agent_id[index]} lost",
+            (time, 0.78),
+            xycoords=axes.get_xaxis_transform(),
+            xytext=(-2, 0),
+            textcoords="offset points",
+            rotation=90,
+            ha="right",
+            va="top",
+            fontsize=9.0,
+            color=colour,
+            path_effects=outlined(2.5),
+        )
+
+
+def draw_altitudes(axes: Axes, trajectory: Recording) -> None:
+    """Draw each agent's altitude, also between samples, with the bounds of the box that agents stay in (3.13, 3.14)."""
+    path = Path(trajectory.time, trajectory.position, trajectory.velocity, trajectory.input)
+    time, position = path.dense(max(1, _DENSE // len(trajectory.time)))
+    for agent, style in enumerate(_agent_lines(trajectory)):
+        axes.plot(time, position[:, agent, 2], **style)
+    low, high = (
+        float(bound[2]) for bound in (trajectory.mission.fleet.motion_min, trajectory.mission.fleet.motion_max)
+    )
+    draw_limit(axes, high, f"highest {high:g} m")
+    draw_limit(axes, low, f"lowest {low:g} m", above=False)
+    room = 0.12 * (high - low)
+    axes.set_ylim(min(low, float(position[..., 2].min())) - room, max(high, float(position[..., 2].max())) + room)
+    _finish(axes, trajectory, "Altitudes", "z [m]")
 
 
 def draw_step_times(axes: Axes, step_times: FloatArray, period_s: float) -> None:

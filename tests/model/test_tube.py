@@ -158,6 +158,6 @@ def test_what_is_measured_may_be_off_by_the_noise_as_well():
     tracking = tracking_of(TYPICAL_MISSION)
     inside = tracking.tube.position_m + 0.02
     still = np.zeros(2)
-    assert tracking.contains(np.array([inside, 0.0]), still, 1e-9)
-    assert not tracking.contains(np.array([inside + 0.001, 0.0]), still, 1e-9)
-    assert not tracking.contains(still, np.array([0.0, tracking.tube.velocity_m_per_s + 0.001]), 1e-9)
+    assert tracking.contains(np.array([inside, 0.0]), still)
+    assert not tracking.contains(np.array([inside + 0.0021, 0.0]), still)
+    assert not tracking.contains(still, np.array([0.0, tracking.tube.velocity_m_per_s + 0.0021]))

@@ -16,7 +16,7 @@ from matplotlib.patches import Circle
 
 from mpc_cover.errors import UserError
 from mpc_cover.verification.check import check_trajectory
-from mpc_cover.view import figures, maps, series
+from mpc_cover.view import figures, map_agents, maps, series
 from mpc_cover.view.figures import draw_overview, draw_run
 
 DEFAULTS = {"input_max_m_per_s2": 1.5, "speed_max_m_per_s": 1.5}
@@ -107,13 +107,13 @@ def test_one_map_for_each_of_several_magnitudes(mixed, tmp_path, monkeypatch):
 def test_overview_has_all_panels(flight, steps, panels):
     overview = draw_overview(flight, steps, check_trajectory(flight))
     titles = [axes.get_title(loc="left") or axes.get_title() for axes in overview.axes]
-    assert len(titles) == panels
+    assert len(titles) == panels + 1  # the map's colour bar
     assert "all 13 checks hold" in overview.get_suptitle()
 
 
 def test_overview_of_several_magnitudes_has_their_maps(mixed):
     overview = draw_overview(mixed, None, None)
-    assert len(overview.axes) == 1 + 4 + 3
+    assert len(overview.axes) == 2 * (1 + 3) + 4  # each map has a colour bar
 
 
 def test_overview_says_what_is_violated(flight):
@@ -121,6 +121,16 @@ def test_overview_says_what_is_violated(flight):
     position[3, 0, 0] += 1.0
     bad = replace(flight, position=position)
     assert "VIOLATION: dynamics of position" in draw_overview(bad, None, check_trajectory(bad)).get_suptitle()
+
+
+def test_overview_of_a_flight_that_is_not_complete_is_not_green(flight):
+    assert np.isinf(flight.covered_at).any()
+    overview = draw_overview(flight, None, check_trajectory(flight))
+    assert overview.get_suptitle().startswith("NOT COMPLETE")
+    done = replace(flight, covered_at=np.minimum(flight.covered_at, 1.0))
+    complete = draw_overview(done, None, check_trajectory(flight))
+    assert "NOT COMPLETE" not in complete.get_suptitle()
+    assert overview._suptitle.get_color() != complete._suptitle.get_color()
 
 
 def test_overview_never_rounds_coverage_up(flight):
@@ -145,6 +155,42 @@ def test_a_mission_in_space_is_projected(tmp_path):
     assert "projected to x-y" in axes.get_title()
 
 
+def test_a_mission_in_space_has_altitudes_between_their_bounds(tmp_path):
+    flight = random_walk(box_mission([[1.0, 1.0, 1.0], [3.0, 3.0, 1.0]], [4.0, 4.0, 3.0]), 20)
+    assert "altitudes.png" in {file.name for file in draw_run(flight, tmp_path)}
+    axes = Figure().add_subplot()
+    series.draw_altitudes(axes, flight)
+    for line, altitude in zip(axes.lines, flight.position[..., 2].T, strict=False):
+        assert (line.get_ydata()[0], line.get_ydata()[-1]) == pytest.approx((altitude[0], altitude[-1]))
+    assert {text.get_text() for text in axes.texts} == {"highest 3 m", "lowest 0 m"}
+
+
+def test_a_lost_agent_is_crossed_out_and_has_no_disc(flight):
+    axes = Figure().add_subplot()
+    maps.draw_map(axes, replace(flight, meta={**flight.meta, "lost": {"a2": 2.0}}))
+    assert {text.get_text() for text in axes.texts} == {"a1", "a2 lost at 2.0 s", "a3"}
+    assert len([patch for patch in axes.patches if isinstance(patch, Circle)]) == 2
+    assert len(axes.collections[0].get_segments()) == 1
+    assert [line.get_marker() for line in axes.lines].count("X") == 1
+
+
+def test_a_fleet_that_is_lost_as_a_whole_has_no_tree(flight):
+    axes = Figure().add_subplot()
+    maps.draw_map(axes, replace(flight, meta={**flight.meta, "lost": {"a1": 1.0, "a2": 2.0, "a3": 2.0}}))
+    assert not [segments for each in axes.collections for segments in each.get_segments()]
+
+
+def test_names_of_neighbours_do_not_overlap():
+    starts = [[1.0 + 0.8 * (i % 4), 1.0 + 0.4 * (i // 4)] for i in range(12)]
+    mission = box_mission(starts, [12.0, 9.0])
+    axes = figures.new_figure(7.5, 7.2).add_subplot()
+    maps.draw_map(axes, trajectory_of(mission, np.zeros((3, 12, 2))))
+    boxes = [text.get_window_extent() for text in axes.texts]
+    overlaps = [one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i]]
+    assert len(boxes) == 12
+    assert sum(overlaps) <= 2
+
+
 def test_a_crowd_and_a_fleet_at_rest(tmp_path):
     starts = [[0.5 + (i % 5), 0.5 + i // 5] for i in range(20)]
     mission = box_mission(starts, [5.0, 5.0], communication_range_m=3.0, separation_min_m=0.2)
@@ -163,10 +209,13 @@ def test_map_shows_cells_paths_ends_and_tree(flight):
     axes = Figure().add_subplot()
     maps.draw_map(axes, flight)
     assert axes.get_aspect() == 1.0
-    shade = axes.images[0].get_array()
-    assert shade.shape == (20, 20)
-    assert int(shade.sum()) == 6
-    assert shade[0, 0] == 1.0
+    never, times = (image.get_array() for image in axes.images)
+    assert times.shape == (20, 20)
+    assert int(never.sum()) == 6
+    assert never[0, 0] == 1.0
+    assert times.mask.sum() == 6
+    known = np.isfinite(flight.covered_at)
+    np.testing.assert_array_equal(np.sort(times.compressed()), np.sort(flight.covered_at[known]))
     assert len([patch for patch in axes.patches if isinstance(patch, Circle)]) == 3
     assert len(axes.collections[0].get_segments()) == 2
     assert {text.get_text() for text in axes.texts} == {"a1", "a2", "a3"}
@@ -189,8 +238,8 @@ def test_map_of_a_magnitude_shows_only_who_measures_it(mixed):
 
 def test_tree_of_a_known_fleet():
     position = np.array([[0.0, 0.0], [5.0, 0.0], [1.0, 0.0], [3.0, 0.0]])
-    assert {tuple(sorted(edge)) for edge in maps.spanning_tree(position)} == {(0, 2), (2, 3), (1, 3)}
-    assert maps.spanning_tree(position[:1]) == []
+    assert {tuple(sorted(edge)) for edge in map_agents.spanning_tree(position)} == {(0, 2), (2, 3), (1, 3)}
+    assert map_agents.spanning_tree(position[:1]) == []
 
 
 def test_coverage_curve_ends_at_what_is_covered(flight):
@@ -208,7 +257,10 @@ def test_distances_are_drawn_between_the_samples(flight):
     assert all(len(line.get_xdata()) > 10 * len(flight.time) for line in pairs)
     closest = min(line.get_ydata().min() for line in pairs)
     assert closest == pytest.approx(1.2953, abs=1e-3)
-    assert {text.get_text() for text in axes.texts} == {r"$\rho_B$ = 0.5 m", r"$\rho_C$ = 5.5 m"}
+    assert {text.get_text() for text in axes.texts} == {
+        r"separation $\rho_B$ = 0.5 m",
+        r"communication range $\rho_C$ = 5.5 m",
+    }
 
 
 def test_the_tree_is_that_of_the_living_and_deaths_are_marked():
@@ -217,17 +269,18 @@ def test_the_tree_is_that_of_the_living_and_deaths_are_marked():
     away[:, 2, 0] = 0.2  # a3 goes on and on, dead at 2 s: (0.5 * 0.2 * 2^2) m further than 1.5 m from a2
     flight = trajectory_of(mission, away)
     died = replace(flight, meta={**flight.meta, "lost": {"a3": 2.0}})
-    curves = {}
+    curves, notes = {}, {}
     for name, each in (("alive", flight), ("dead", died)):
         axes = Figure().add_subplot()
         series.draw_distances(axes, each)
         curves[name] = {line.get_label(): line for line in axes.lines}
+        notes[name] = {text.get_text(): text for text in axes.texts}
     time, alive = curves["alive"]["longest tree edge"].get_data()
     np.testing.assert_allclose(alive, 1.5 + 0.1 * time**2)
-    time, living = curves["dead"]["longest tree edge (living)"].get_data()
+    time, living = curves["dead"]["tree edge (living)"].get_data()
     np.testing.assert_allclose(living, np.where(time < 2.0, 1.5 + 0.1 * time**2, 1.0))
-    assert curves["dead"]["a3 dies, 2.0 s"].get_xdata()[0] == 2.0
-    assert not any("dies" in label for label in curves["alive"])
+    assert notes["dead"]["a3 lost"].xy[0] == 2.0
+    assert "a3 lost" not in notes["alive"]
     widow = replace(flight, meta={**flight.meta, "lost": {"a3": 2.0, "a1": 2.0}})
     axes = Figure().add_subplot()
     series.draw_distances(axes, widow)  # one is left, who has no tree

@@ -28,7 +28,7 @@ def titles(overview):
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        ("coverage", "dark: never measured"),
+        ("coverage", "dark: never"),
         ("looks", "dark: fewer than 2 looks"),
         ("effective", "dark: looks come to less than 1.5"),
         ("kalman", "dark: variance above 0.4"),
@@ -42,7 +42,7 @@ def test_the_map_says_what_dark_means(kind, words):
 def test_a_patrol_is_shown_by_its_ages():
     flight = flight_of("ageing")
     overview = draw_overview(flight, None, None)
-    ages = overview.axes[[title.startswith("Ages") for title in titles(overview)].index(True)]
+    ages = overview.axes[[title.startswith("Ages of the cells") for title in titles(overview)].index(True)]
     history = age_history(flight)
     assert history.worst_s.max() > 6.0
     assert f"at most {history.worst_s.max():.1f} s old (limit 6 s)" in overview.get_suptitle()

@@ -156,7 +156,7 @@ class Agent:
         )
         planned = plan.motion.at(joint_s)
         if not self.vehicle.can_reach(*planned, joint_s):
-            check_start(planned, predict(self.plant, before, joint_s))
+            check_start(planned, predict(self.plant, before, joint_s), self._limits.start_tolerance)
         self.schedule.add(plan)
 
     def _reject(self, error: RejectedError) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.model.motion import roll_out
-from mpc_cover.service.agent.schedule import START_TOLERANCE
+from mpc_cover.model.tube import start_tolerance
 from mpc_cover.service.protocol.decoding import Reason, RejectedError
 
 if TYPE_CHECKING:
@@ -23,27 +23,51 @@ if TYPE_CHECKING:
     from mpc_cover.service.protocol.messages import PlanMessage
 
 LIMIT_TOLERANCE = 1e-6
-"""Relative to a speed or input limit; in metres for the fence."""
+"""Relative to a speed or input limit; in sensing radii for the fence."""
 DYNAMICS_TOLERANCE = 1e-6
-"""Between the plan's samples and the roll-out of its inputs [m], [m/s]."""
+"""Between the plan's samples and the roll-out of its inputs, in sensing radii, and those a second."""
 REST_TOLERANCE = 1e-3
-"""Speed at the end of a plan [m/s], from which the agent brakes."""
+"""Speed at the end of a plan, from which the agent brakes, relative to its limit."""
+_ROUNDING = 16.0
+"""Rounding errors of coordinates that are tolerated, in units of their last digit; a plain choice."""
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """One agent's limits: input [m/s^2], speed [m/s], and the box (d,) [m] that it stays in."""
+    """One agent's limits.
+
+    Attributes
+    ----------
+    input_max, speed_max : [m/s^2], [m/s].
+    motion_min, motion_max : the box (d,) [m] that it stays in.
+    length : the fleet's smallest sensing radius [m], to which tolerances are relative.
+    start_tolerance : of the start of a plan [m], [m/s].
+    """
 
     input_max: float
     speed_max: float
     motion_min: FloatArray
     motion_max: FloatArray
+    length: float
+    start_tolerance: float
+
+    @property
+    def rounding(self) -> float:
+        """Rounding errors of positions [m]: large far from the origin."""
+        return _ROUNDING * float(np.spacing(np.abs([self.motion_min, self.motion_max]).max()))
 
 
 def limits_of(mission: Mission, index: int) -> Limits:
     """Return the limits of the mission's agent number `index`."""
     fleet = mission.fleet
-    return Limits(float(fleet.input_max[index]), float(fleet.speed_max[index]), fleet.motion_min, fleet.motion_max)
+    return Limits(
+        float(fleet.input_max[index]),
+        float(fleet.speed_max[index]),
+        fleet.motion_min,
+        fleet.motion_max,
+        fleet.sensing_radius_min,
+        start_tolerance(fleet),
+    )
 
 
 @dataclass
@@ -81,16 +105,16 @@ def check_content(plan: Trajectory, limits: Limits) -> None:
     _check_norm(plan.input, limits.input_max, "input")
     _check_norm(plan.velocity, limits.speed_max, "speed")
     outside = np.maximum(limits.motion_min - plan.position, plan.position - limits.motion_max).max()
-    if outside > LIMIT_TOLERANCE:
+    if outside > LIMIT_TOLERANCE * limits.length + limits.rounding:
         raise RejectedError(Reason.FENCE, f"{outside:.3g} m outside")
     position, velocity = roll_out(
         plan.position[:1], plan.velocity[:1], plan.input[:, None, :], plan.period
     )  # one agent: (N+1, 1, d)
     error = max(_gap(position[:, 0], plan.position), _gap(velocity[:, 0], plan.velocity))
-    if not error <= DYNAMICS_TOLERANCE:
+    if not error <= DYNAMICS_TOLERANCE * limits.length + limits.rounding:
         raise RejectedError(Reason.DYNAMICS, f"off by {error:.3g}")
     speed = float(np.linalg.norm(plan.velocity[-1]))
-    if speed > REST_TOLERANCE:
+    if speed > REST_TOLERANCE * limits.speed_max:
         raise RejectedError(Reason.NOT_AT_REST, f"{speed:.3g} m/s")
 
 
@@ -100,10 +124,10 @@ def check_time(message: PlanMessage, now_s: float) -> None:
         raise RejectedError(Reason.EXPIRED, f"{now_s - message.valid_until_s:.3g} s ago")
 
 
-def check_start(planned: tuple[FloatArray, FloatArray], own: tuple[FloatArray, FloatArray]) -> None:
+def check_start(planned: tuple[FloatArray, FloatArray], own: tuple[FloatArray, FloatArray], tolerance: float) -> None:
     """Raise RejectedError when position or velocity (d,) differ from the agent's own at that instant."""
     error = max(_gap(planned[0], own[0]), _gap(planned[1], own[1]))
-    if not error <= START_TOLERANCE:
+    if not error <= tolerance:
         raise RejectedError(Reason.START, f"off by {error:.3g}")
 
 

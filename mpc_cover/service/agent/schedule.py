@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 STANDSTILL = 1e-9
 """Speed below which an agent counts as at rest [m/s]."""
-START_TOLERANCE = 1e-3
-"""Tolerance between the start of a plan and the agent's state at that time [m], [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,10 +125,12 @@ class Plant:
 class Reference(Plant):
     """The reference motion that a disturbed agent tracks: each plan from its own start, not from the agent's state.
 
-    `flown` is the last plan that it switched to.
+    `flown` is the last plan that it switched to; starts that differ by less than `start_tolerance` [m], [m/s] are the
+    same.
     """
 
     flown: ScheduledPlan | None = None
+    start_tolerance: float = 0.0
 
     def _switch_to(self, plan: ScheduledPlan | None) -> None:
         if plan is None or plan is self.flown:
@@ -138,7 +138,7 @@ class Reference(Plant):
         self.flown = plan
         position, velocity = plan.motion.at(self.time_s)
         away = max(np.abs(position - self.position).max(), np.abs(velocity - self.velocity).max())
-        if away > START_TOLERANCE:
+        if away > self.start_tolerance:
             self.position, self.velocity = position.copy(), velocity.copy()
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from mpc_cover.model.disturbance import agent_disturbance, disturbs_motion, saturated_acceleration
 from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.model.tube import tracking_of
-from mpc_cover.service.agent.schedule import START_TOLERANCE, Plant, Reference
+from mpc_cover.service.agent.schedule import Plant, Reference
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -143,7 +143,7 @@ class TrackingVehicle:
     @property
     def on_track(self) -> bool:
         """Whether its measured state is within the tube around the reference."""
-        return self._tracking.contains(*self._error(), START_TOLERANCE)
+        return self._tracking.contains(*self._error())
 
     def advance(self, until_s: float, schedule: Schedule) -> None:
         """Move to `until_s`, measuring at each state period of its clock and switching plans at their starts."""
@@ -164,8 +164,8 @@ class TrackingVehicle:
         measured_position, measured_velocity = self.measured
         dt = max(0.0, time_s - self.nominal.time_s)
         tube, noise = self._tracking.tube, self._tracking.bounds.position_noise_m
-        reach = dt * self._speed_max + tube.position_m + 2.0 * noise + START_TOLERANCE
-        faster = dt * self._input_max + tube.velocity_m_per_s + START_TOLERANCE
+        reach = dt * self._speed_max + tube.position_m + 2.0 * noise + self._tracking.start_tolerance
+        faster = dt * self._input_max + tube.velocity_m_per_s + self._tracking.start_tolerance
         near = np.linalg.norm(position - measured_position) <= reach
         return bool(near and np.linalg.norm(velocity - measured_velocity) <= faster)
 
@@ -212,10 +212,11 @@ def make_vehicle(mission: Mission, index: int, time_s: float, seed: int, log: Lo
     rest = np.zeros_like(start)
     if not disturbs_motion(mission.spec.disturbance):
         return UndisturbedVehicle(Plant(time_s, start, rest, log))
+    tracking = tracking_of(mission)
     return TrackingVehicle(
-        Reference(time_s, start, rest),
+        Reference(time_s, start, rest, start_tolerance=tracking.start_tolerance),
         (start.copy(), rest.copy()),
-        tracking_of(mission),
+        tracking,
         agent_disturbance(mission, index, seed),
         input_max=float(fleet.input_max[index]),
         speed_max=float(fleet.speed_max[index]),

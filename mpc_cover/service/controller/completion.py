@@ -49,17 +49,18 @@ class Completion:
             return None
         if self._coverage.endless:
             return Phase.COMPLETE, f"the patrol ends after control.time_limit_s {self._limit_s:g} s"
-        return Phase.FAILED, f"{self._owed} cells are not covered after control.time_limit_s {self._limit_s:g} s"
+        return Phase.FAILED, f"{self._left} after control.time_limit_s {self._limit_s:g} s"
 
     def ending(self) -> tuple[Phase, str]:
         """Return the phase and message of an end because nothing is left and all agents are at rest."""
         lost = ", ".join(self._supervisor.lost)
         if not self._coverage.complete:
-            without = f"{self._owed} cells are not covered, and cannot be without {lost}"
+            without = f"{self._left}, and cannot be without {lost}"
             return Phase.FAILED, f"{without}: all else is, and everyone is at rest"
         rest = f", and everyone but {lost}" if lost else " and everyone"
         return Phase.COMPLETE, f"everything is covered{rest} is at rest"
 
     @property
-    def _owed(self) -> int:
-        return self._cells - self._coverage.covered_count
+    def _left(self) -> str:
+        """How many cells are not covered, by the agents' reports; which may lag behind what they have flown."""
+        return f"{self._cells - self._coverage.covered_count} of {self._cells} cells are not reported as covered"

@@ -10,7 +10,7 @@ from mpc_cover.model.disturbance import disturbs_motion, undisturbed
 from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.model.tube import tracking_of
 from mpc_cover.service.agent.recorder import MemoryRecorder
-from mpc_cover.service.agent.schedule import START_TOLERANCE, Plant, Reference, Schedule, predict
+from mpc_cover.service.agent.schedule import Plant, Reference, Schedule, predict
 from mpc_cover.service.agent.vehicle import TrackingVehicle
 from mpc_cover.service.controller.plan_publisher import UnknownPlanError
 
@@ -41,7 +41,7 @@ class StatePredictor:
         if self._tracking is None:
             return False
         (here, now), (position, velocity) = link.measured(), link.planned()
-        return not self._tracking.contains(here - position, now - velocity, START_TOLERANCE)
+        return not self._tracking.contains(here - position, now - velocity)
 
     def predict(self, index: int, link: AgentLink, time_s: float, speed_max: float) -> MotionState:
         """Return the state of agent number `index` at `time_s`, if it reaches `speed_max` [m/s] at most.
@@ -55,7 +55,8 @@ class StatePredictor:
         assert link.state is not None
         if self._tracking is None:
             return predict(Plant(link.state.time_s, *link.measured()), schedule, at_s)
-        reference = Reference(link.state.time_s, *link.planned(), flown=schedule.flown)
+        same = self._tracking.start_tolerance
+        reference = Reference(link.state.time_s, *link.planned(), flown=schedule.flown, start_tolerance=same)
         if not self.off_track(link):
             return predict(reference, schedule, at_s)
         vehicle = TrackingVehicle(

@@ -206,8 +206,8 @@ def test_out_of_time_is_a_failure_and_everyone_comes_to_rest(law):
     controller = bench.controller(law)
     bench.run(controller, until=lambda: controller.done)
     assert controller.phase is Phase.FAILED
-    assert "48" not in controller.heartbeat.text
-    assert "cells are not covered after control.time_limit_s 1 s" in controller.heartbeat.text
+    assert "48 of 48" not in controller.heartbeat.text
+    assert "cells are not reported as covered after control.time_limit_s 1 s" in controller.heartbeat.text
     assert all(agent.at_rest for agent in fleet)
 
 

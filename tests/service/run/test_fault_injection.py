@@ -105,7 +105,7 @@ def test_a_mission_ends_when_only_the_lost_could_have_measured_the_rest():
     mission = build_mission(raw, "row")
     result = simulate(mission, deaths={"a2": 1.0})
     assert not result.complete
-    assert "cells are not covered, and cannot be without a2" in result.outcome
+    assert "cells are not reported as covered, and cannot be without a2" in result.outcome
     assert result.trajectory.time[-1] < 30.0
     heat = mission.field.cell[:, None] - result.trajectory.position[None, :, 0]
     assert (np.linalg.norm(heat, axis=2).min(axis=1) <= 1.0 + 1e-6).all()
