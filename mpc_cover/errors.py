@@ -20,6 +20,13 @@ _SHORT.maxlevel = 4
 _SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 80
 
 
+def _plain(value: object) -> object:
+    """Return numbers and arrays of NumPy as Python's own."""
+    if isinstance(value, tuple):
+        return tuple(_plain(item) for item in value)
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
 @dataclass(frozen=True)
 class Problem:
     """One mistake in an input: where it is, what was found, what would be right."""
@@ -27,12 +34,17 @@ class Problem:
     path: str
     value: object
     right: str
+    of: str = ""
+    """Id of the agent that the path is one of."""
 
     def __str__(self) -> str:
-        shown = _SHORT.repr(self.value)
+        where = f"{self.path} ({self.of})" if self.of else self.path
+        if self.value is None and self.right.startswith("is missing"):
+            return f"{where}: {self.right}"
+        shown = _SHORT.repr(_plain(self.value))
         if len(shown) > 80:  # noqa: PLR2004 - a line of a terminal
             shown = shown[:77] + "..."
-        return f"{self.path}: {shown}: {self.right}"
+        return f"{where}: {shown}: {self.right}"
 
 
 class InvalidInputError(UserError):

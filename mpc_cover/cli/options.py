@@ -64,10 +64,14 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 
 
 def load(mission: str) -> Mission:
-    """Return a mission by its file or name."""
-    from mpc_cover.mission.load import load_mission  # noqa: PLC0415 - --help needs no pydantic
+    """Return a mission by its file or name; cells that are coarse beside the sensing radii are warned of."""
+    from mpc_cover.mission.cell_rules import coarse_warning  # noqa: PLC0415 - --help needs no pydantic
+    from mpc_cover.mission.load import load_mission  # noqa: PLC0415 - likewise
 
-    return load_mission(mission)
+    loaded = load_mission(mission)
+    if (warning := coarse_warning(loaded.spec)) is not None:
+        sys.stderr.write(f"mpc-cover: warning: mission {mission}: {warning}\n")
+    return loaded
 
 
 def check_speed(speed: float) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.information.looks import Looks
+from mpc_cover.mission.field import grid_axes
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
@@ -41,15 +42,19 @@ class Visibility:
         self._reach = np.maximum(self._radius, -1.0) + _TIE
         self._farthest = self._reach.max(axis=1, initial=-1.0)
         self._lower, self._size = field.shape_min, field.cell_size
-        self._axes = _axes(field)
+        self._axes = grid_axes(field.shape_min, field.shape_max, field.cell_size)
         place = np.floor((field.cell - self._lower) / self._size + 1e-9).astype(np.intp)
         count = np.array([axis.size for axis in self._axes])
         on_grid = ((place >= 0) & (place < count)).all()
-        if not on_grid or not all(
-            np.allclose(axis[place[:, d]], field.cell[:, d], rtol=0.0, atol=1e-9 * self._size)
-            for d, axis in enumerate(self._axes)
-        ):
+        if not on_grid:
             raise ValueError("field: cells must lie on the grid that starts in its lower corner")
+        middle = np.stack([axis[place[:, d]] for d, axis in enumerate(self._axes)], axis=1)
+        away = np.linalg.norm(field.cell - middle, axis=1)
+        if (away[field.part == 1.0] > 1e-9 * self._size).any():
+            raise ValueError("field: the points of whole cells must be those of the grid")
+        # border cells may be measured at another point than their middle: looked up farther, and by their distance
+        self._away = float(away.max(initial=0.0)) if (away > 1e-9 * self._size).any() else 0.0
+        self._cell = field.cell
         self._number = np.full(count, -1, dtype=np.intp)
         self._number[tuple(place.T)] = np.arange(field.size)
         self._full = np.array_equal(self._number.reshape(-1), np.arange(field.size))
@@ -89,6 +94,7 @@ class Visibility:
     def _in_reach(self, position: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
         """Return (row, cell, squared distance [m^2]), each (n,), of the cells within (m,) `reach` [m]."""
         agents, dimension = position.shape
+        measured, reach = reach, reach + self._away
         if agents == 0:
             return np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0)
         lowest = np.clip((position - reach[:, None] - self._lower) / self._size - 1.0, -1e9, 1e9)
@@ -102,21 +108,16 @@ class Visibility:
             spread[1 + d] = along.shape[1]
             square = square + ((axis[along] - position[:, d, None]) ** 2).reshape(spread)
             grid = grid * axis.size + along.reshape(spread)
-        seen = square <= (reach**2).reshape(agents, *[1] * dimension)
-        row = np.repeat(np.arange(agents), np.count_nonzero(seen.reshape(agents, -1), axis=1))
-        inside = np.flatnonzero(seen)
+        close = square <= (reach**2).reshape(agents, *[1] * dimension)
+        row = np.repeat(np.arange(agents), np.count_nonzero(close.reshape(agents, -1), axis=1))
+        inside = np.flatnonzero(close)
         cell, near = np.take(grid, inside), np.take(square, inside)
-        if self._full:
+        if not self._full:
+            cell = self._number.reshape(-1)[cell]
+            real = cell >= 0  # the grid has places outside W
+            row, cell, near = row[real], cell[real], near[real]
+        if self._away == 0.0:
             return row, cell, near
-        cell = self._number.reshape(-1)[cell]
-        real = cell >= 0  # the grid has places outside W
-        return row[real], cell[real], near[real]
-
-
-def _axes(field: Field) -> list[FloatArray]:
-    """Return the centroids' coordinates [m] along each axis, the last pulled in to the edge as in `build_field`."""
-    axes = []
-    for low, high in zip(field.shape_min, field.shape_max, strict=True):
-        count = max(1, int(np.ceil((high - low) / field.cell_size - 1e-9)))
-        axes.append(np.minimum(low + (np.arange(count) + 0.5) * field.cell_size, high))
-    return axes
+        near = ((self._cell[cell] - position[row]) ** 2).sum(axis=1)
+        seen = near <= measured[row] ** 2
+        return row[seen], cell[seen], near[seen]

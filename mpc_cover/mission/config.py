@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from mpc_cover.mission.base import Finite, Model, Name, NonNegative, Point, Positive, no_flag
 from mpc_cover.mission.information import (
@@ -80,12 +80,22 @@ class DiscShape(Model):
     radius_m: Positive
 
 
+def _planar(ring: tuple[Point, ...]) -> tuple[Point, ...]:
+    return tuple(point[:2] for point in ring)
+
+
+Ring = Annotated[tuple[Point, ...], Field(min_length=3), AfterValidator(_planar)]
+
+
 class PolygonShape(Model):
-    """A simple polygon with holes; agents may cross what lies outside it."""
+    """A simple polygon with holes; agents may cross what lies outside it.
+
+    A third coordinate, as GeoJSON's altitude, is left out: the polygon is planar.
+    """
 
     kind: Literal["polygon"]
-    outline_m: Annotated[tuple[Point, ...], Field(min_length=3)]
-    holes_m: tuple[Annotated[tuple[Point, ...], Field(min_length=3)], ...] = ()
+    outline_m: Ring
+    holes_m: tuple[Ring, ...] = ()
 
 
 class WeightMap(Model):

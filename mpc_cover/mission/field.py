@@ -7,11 +7,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.mission.clipping import clipped, polygon_of
 from mpc_cover.mission.config import BoxShape, DiscShape, PolygonShape
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.mission.config import Area, Shape
+
+_TILED = 1e-9
+"""Parts of a cell below this are rounding."""
+_SLIVER = 1e-3
+"""Cells of which less lies in W, and not their centroids, may be left out. A plain choice."""
+_LEAST_PART = 1e-6
+"""No less than this of any cell is kept: its point would be on the cell's edge, to rounding."""
+_LEAST_WEIGHT = 0.25
+"""Smallest weight of a border cell relative to a whole one: smaller ones would be lost in a QP's tolerance."""
+_NEGLIGIBLE = 1e-3
+"""... if all of them are no more of W than this. A plain choice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,10 +32,13 @@ class Field:
 
     Attributes
     ----------
-    cell : (K, d) centroids [m], row-major from the lower corner.
+    cell : (K, d) the point of W that stands for each cell, its centroid where that lies in W [m]; row-major from the
+        lower corner.
     cell_size : edge of a cell [m].
     shape_min, shape_max : (d,) bounding box of W [m].
-    weight : (K,) how much each cell matters, > 0; 1 by default. Cells of weight 0 are no cells.
+    weight : (K,) how much each cell matters, > 0: 1 by default, times `part` (at least a quarter).
+        Cells of weight 0 are no cells.
+    part : (K,) part of each cell that lies in W, 0 to 1.
     """
 
     cell: FloatArray
@@ -31,6 +46,7 @@ class Field:
     shape_min: FloatArray
     shape_max: FloatArray
     weight: FloatArray
+    part: FloatArray
 
     @property
     def size(self) -> int:
@@ -39,8 +55,8 @@ class Field:
 
     @property
     def measure(self) -> float:
-        """Area [m^2] (volume [m^3]) of the cells together."""
-        return float(self.size * self.cell_size ** self.cell.shape[1])
+        """Area [m^2] (volume [m^3]) of the parts of W that matter."""
+        return float(self.part.sum() * self.cell_size ** self.cell.shape[1])
 
 
 def bounding_box(shape: Shape) -> tuple[FloatArray, FloatArray]:
@@ -52,8 +68,8 @@ def bounding_box(shape: Shape) -> tuple[FloatArray, FloatArray]:
             center = np.array(shape.center_m)
             return center - shape.radius_m, center + shape.radius_m
         case PolygonShape():
-            outline = np.array(shape.outline_m)
-            return outline.min(axis=0), outline.max(axis=0)
+            edges = np.array(polygon_of(shape).bounds)
+            return edges[:2], edges[2:]
 
 
 def contains(shape: Shape, point: FloatArray) -> BoolArray:
@@ -68,27 +84,49 @@ def contains(shape: Shape, point: FloatArray) -> BoolArray:
         case PolygonShape():
             import shapely  # noqa: PLC0415 - agents start faster without it
 
-            polygon = shapely.Polygon(shape.outline_m, shape.holes_m)
-            return np.asarray(shapely.covers(polygon, shapely.points(point)), dtype=bool)
+            return np.asarray(shapely.covers(polygon_of(shape), shapely.points(point)), dtype=bool)
 
 
-def build_field(area: Area) -> Field:
-    """Cut W into the square cells whose centroids lie in it.
+def grid_axes(lower: FloatArray, upper: FloatArray, size: float) -> list[FloatArray]:
+    """Return the coordinates [m] of the points that stand for a box's cells along each axis.
 
-    The last row and column are kept when the size does not divide the box: their centroids are
-    pulled in to the box's edge, so that no strip of W goes unmeasured.
+    They are the cells' middles; where the size does not divide the box, the last is the middle of what lies inside.
     """
-    lower, upper = bounding_box(area.shape)
-    size = area.cell_size_m
-    rounding = 1e-9 + 4.0 * float(np.spacing(np.abs([lower, upper]).max())) / size  # coordinates may be far from 0
+    rounding = _TILED + 4.0 * float(np.spacing(np.abs([lower, upper]).max())) / size  # coordinates may be far from 0
     axes = []
     for low, high in zip(lower, upper, strict=True):
         count = max(1, int(np.ceil((high - low) / size - rounding)))
-        axes.append(np.minimum(low + (np.arange(count) + 0.5) * size, high))
+        axis = low + (np.arange(count) + 0.5) * size
+        if low + count * size > high + rounding * size:
+            axis[-1] = 0.5 * (low + (count - 1) * size + high)
+        axes.append(axis)
+    return axes
+
+
+def build_field(area: Area) -> Field:
+    """Cut W into square cells.
+
+    The point that stands for a cell is its centroid where that lies in W, else a point of W inside the cell: no part of
+    W goes unmeasured. What lies outside W counts neither in the cell's `part` nor in its weight. Slivers are left out
+    where they are small and all of them together negligible.
+    """
+    lower, upper = bounding_box(area.shape)
+    size = area.cell_size_m
+    axes = grid_axes(lower, upper, size)
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-    cell = grid[contains(area.shape, grid)]
+    edges = [low + np.arange(axis.size) * size for low, axis in zip(lower, axes, strict=True)]
+    low = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1).reshape(grid.shape)
+    part, point = clipped(area.shape, low, np.minimum(low + size, upper), size)
+    central = contains(area.shape, grid)
+    point[central] = grid[central]
+    sliver = ~central & (part < _SLIVER)
+    if part[sliver].sum() <= _NEGLIGIBLE * part.sum():
+        part[sliver] = 0.0
+    kept = central | (part > _LEAST_PART)
+    cell, part = point[kept], part[kept]
     weight = cell_weights(area, cell, lower, upper)
-    return Field(cell[weight > 0.0], size, lower, upper, weight[weight > 0.0])
+    matters = weight > 0.0
+    return Field(cell[matters], size, lower, upper, (weight * np.maximum(part, _LEAST_WEIGHT))[matters], part[matters])
 
 
 def cell_weights(area: Area, cell: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,9 +67,9 @@ def build_mission(raw: object, what: str) -> Mission:
     except ValidationError as error:
         problems = problems_of(error, raw)
         problems += _cross_field_problems(raw, problems)
-        raise InvalidInputError(what, problems) from None
+        raise InvalidInputError(what, _named(problems, raw)) from None
     if problems := find_problems(spec):
-        raise InvalidInputError(what, problems)
+        raise InvalidInputError(what, _named(problems, raw))
     lower, upper = bounding_box(spec.area.shape)
     motion_min = np.array(spec.area.motion_min_m) if spec.area.motion_min_m else lower
     motion_max = np.array(spec.area.motion_max_m) if spec.area.motion_max_m else upper
@@ -131,6 +132,20 @@ def _find(path: Path) -> Path:
             return path
     names = ", ".join(shipped.stem for shipped in shipped_missions())
     raise UnreadableFileError(f"mission {path}: no such file, nor one of the missions that come along: {names}")
+
+
+def _named(problems: list[Problem], raw: object) -> list[Problem]:
+    """Return the problems of agents with their ids: a number that counts from 0 is easily misread."""
+    fleet = raw.get("fleet") if isinstance(raw, dict) else None
+    agents = fleet.get("agents") if isinstance(fleet, dict) else None
+    named = []
+    for problem in problems:
+        match = re.match(r"fleet\.agents\.(\d+)(?:\.|$)", problem.path)
+        index = int(match[1]) if match else -1
+        agent = agents[index] if isinstance(agents, list) and 0 <= index < len(agents) else None
+        name = agent.get("id") if isinstance(agent, dict) else None
+        named.append(replace(problem, of=name) if isinstance(name, str) and name.isprintable() else problem)
+    return named
 
 
 def _cross_field_problems(raw: object, found: list[Problem]) -> list[Problem]:

@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.errors import Problem
+from mpc_cover.mission.cell_rules import coarse_problems
+from mpc_cover.mission.clipping import polygon_of
 from mpc_cover.mission.config import BoxShape, PolygonShape
 from mpc_cover.mission.disturbance_rules import disturbance_problems
 from mpc_cover.mission.field import bounding_box, build_field
 from mpc_cover.mission.fleet import agent_input_max, agent_value
+from mpc_cover.mission.geographic_rules import geographic_problems
 from mpc_cover.mission.information_rules import information_problems
 from mpc_cover.mission.planning_rules import planning_problems, topology_problems, unreached
 from mpc_cover.mission.potential_rules import potential_problems
@@ -49,14 +52,10 @@ def _shape_problems(spec: MissionSpec) -> Iterator[Problem]:
         elif any(low >= high for low, high in zip(shape.min_m, shape.max_m, strict=True)):
             yield Problem(f"{where}.max_m", shape.max_m, f"must be greater than min_m {shape.min_m} on each axis")
     elif isinstance(shape, PolygonShape):
-        import shapely  # noqa: PLC0415 - only polygons need it
-
-        rings = (shape.outline_m, *shape.holes_m)
-        if any(len(point) != 2 for ring in rings for point in ring):  # noqa: PLR2004 - planar
-            yield Problem(f"{where}.outline_m", shape.outline_m, "points of a polygon have two coordinates")
-        elif not (polygon := shapely.Polygon(shape.outline_m, shape.holes_m)).is_valid:
-            reason = shapely.is_valid_reason(polygon)
-            yield Problem(where, "polygon", f"must be simple with its holes inside: {reason}")
+        try:
+            polygon_of(shape)
+        except ValueError as error:
+            yield Problem(where, "polygon", str(error))
 
 
 def _area_problems(spec: MissionSpec) -> Iterator[Problem]:
@@ -69,9 +68,14 @@ def _area_problems(spec: MissionSpec) -> Iterator[Problem]:
     weights = list(_weight_problems(area))
     yield from weights
     if not weights and build_field(area).size == 0:
-        yield Problem("area.shape", area.shape.kind, "holds no cell centroid: a larger shape or smaller cells")
-    low = area.motion_min_m or tuple(lower)
-    high = area.motion_max_m or tuple(upper)
+        if area.weights is not None:
+            yield Problem("area.weights.values", "all 0 in the area", "must hold one greater than 0 where the area is")
+        else:
+            yield Problem("area.shape", area.shape.kind, "holds no cell: a larger shape or smaller cells")
+    geographic = list(geographic_problems(spec))
+    yield from geographic or coarse_problems(spec)
+    low = area.motion_min_m or tuple(lower.tolist())
+    high = area.motion_max_m or tuple(upper.tolist())
     for name, corner in (("motion_min_m", low), ("motion_max_m", high)):
         if len(corner) != len(lower):
             yield Problem(f"area.{name}", corner, f"must have {len(lower)} coordinates like the shape")
@@ -163,14 +167,14 @@ def _fleet_problems(spec: MissionSpec) -> Iterator[Problem]:
 
 def _control_problems(spec: MissionSpec) -> Iterator[Problem]:
     control = spec.control
-    for index, agent in enumerate(spec.fleet.agents):
+    for agent in spec.fleet.agents:
         speed = agent_value(spec, agent, "speed_max_m_per_s")
         limit = agent_input_max(spec, agent)
         if not isinstance(speed, float) or limit is None:
             continue
         braking = int(np.ceil(speed / (limit * control.plan_step) - 1e-9))
         if control.horizon_steps < braking + 2:
-            right = f"must be at least {braking + 2}: agent {index} brakes in {braking} steps"
+            right = f"must be at least {braking + 2}: {agent.id} brakes in {braking} steps"
             yield Problem("control.horizon_steps", control.horizon_steps, right)
             break
     yield from _plan_step_problems(spec)

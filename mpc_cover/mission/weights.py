@@ -28,8 +28,9 @@ def with_weights(raw: object, folder: Path, what: str) -> object:
         return raw
     try:
         values = read_weights(folder / name)
-    except (OSError, ValueError, SyntaxError) as error:
-        problem = Problem("area.weights.file", name, f"cannot be read: {' '.join(str(error).split())}")
+    except Exception as error:  # noqa: BLE001 - readers let through whatever a corrupt file makes them raise
+        detail = " ".join(str(error).split()) or type(error).__name__
+        problem = Problem("area.weights.file", name, f"cannot be read as weights: {detail}")
         raise InvalidInputError(what, [problem]) from None
     assert isinstance(raw, dict)
     assert isinstance(area, dict)

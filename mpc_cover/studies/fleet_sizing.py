@@ -86,6 +86,14 @@ def measurement_rate(problem: SizingProblem, agents: int) -> float:
     return math.inf if left >= 0.0 else math.log1p(-swept_part(problem, agents)) / left / _UNIT_S
 
 
+def fastest_rate(problem: SizingProblem) -> float:
+    """Return v_max / (2 rho) [Hz], above which the model means nothing: it scatters the fleet anew no sooner.
+
+    A fleet that sees everything at rest needs no rounds, and is no answer to how many rounds it makes.
+    """
+    return problem.speed_m_per_s / (2.0 * problem.radius_m)
+
+
 def agents_for_rate(problem: SizingProblem, rate_hz: float) -> int:
     """Return the least number of agents that covers the wanted part at a rate [Hz] or faster, by (1.3).
 

@@ -14,6 +14,7 @@ from mpc_cover.studies.fleet_sizing import (
     SizingProblem,
     SizingRow,
     agents_for_rate,
+    fastest_rate,
     measurement_rate,
     sizing_table,
 )
@@ -48,7 +49,7 @@ class SizingAnswer:
 
     Attributes
     ----------
-    agents_needed : for the wanted rate; None when none is given.
+    agents_needed : for the wanted rate by the model; None when none is given.
     table : a row for each number of agents, by the model.
     potential, horizon : simulations by the potential law and by the receding horizon; empty when not asked for.
     """
@@ -66,17 +67,53 @@ class SizingAnswer:
             "problem": asdict(self.problem),
             "rate_hz": self.rate_hz,
             "agents_needed": self.agents_needed,
+            "agents_needed_simulated": {
+                "potential": self.simulated_needed(self.potential),
+                "receding_horizon": self.simulated_needed(self.horizon),
+            },
             "table": [_finite(asdict(row)) for row in self.table],
             "potential": [_curve(curve) for curve in self.potential],
             "receding_horizon": [_curve(curve) for curve in self.horizon],
         }
+
+    def simulated_needed(self, curves: Sequence[CoverageCurve]) -> int | None:
+        """Return the least of the simulated numbers whose mean round is short enough; None where none is."""
+        if self.rate_hz is None:
+            return None
+        enough = [curve.agents for curve in curves if float(curve.rounds_s.mean()) * self.rate_hz <= 1.0]
+        return min(enough, default=None)
+
+    @property
+    def simulated_texts(self) -> list[str]:
+        """What the simulations say of the wanted rate, beside the model, and how far the two differ."""
+        lines = []
+        for law, curves in (("potential law", self.potential), ("receding horizon", self.horizon)):
+            if not curves:
+                continue
+            numbers = ", ".join(str(curve.agents) for curve in curves)
+            least = self.simulated_needed(curves)
+            doubt = max(curve.error.largest for curve in curves)
+            said = (
+                f"the least of them that is fast enough is {least} agents"
+                if least is not None
+                else "none of them is fast enough: try more with --agents"
+            )
+            lines.append(
+                f"simulated with the {law} (N = {numbers}), {said}; the covered parts differ from the model's by up to "
+                f"{100.0 * doubt:.0f} %"
+            )
+        return lines or ["not simulated: the model alone is in doubt by several times; see --seeds"]
 
     @property
     def text(self) -> str:
         """The answer as a text for users."""
         lines = []
         if self.rate_hz is not None and self.agents_needed is not None:
-            lines.append(f"{self.rate_hz:g} Hz takes {self.agents_needed} agents by the model (1.3)")
+            lines += [
+                f"{self.rate_hz:g} Hz, a round of {1.0 / self.rate_hz:.4g} s:",
+                f"  the model (1.3), which scatters agents at random, says {self.agents_needed} agents",
+                *(f"  {text}" for text in self.simulated_texts),
+            ]
         for row in self.table:
             turn = (
                 "seen at rest" if math.isinf(row.rate_hz) else f"{row.rate_hz:.4f} Hz, a round of {row.round_s:.1f} s"
@@ -185,6 +222,13 @@ def _check(problem: SizingProblem, options: SizingOptions) -> None:
         problems.append(Problem("--rate", options.rate_hz, "must be a number of Hz greater than 0"))
     simulated = options.seeds + options.horizon_seeds > 0
     most = _MOST_SIMULATED if simulated else _MOST_AGENTS
+    fastest = fastest_rate(problem)
+    if options.rate_hz is not None and fastest < options.rate_hz < math.inf:
+        right = (
+            f"is impossible: must be at most {fastest:.3g} Hz: agents that need not move more than a diameter, "
+            f"{2.0 * problem.radius_m:g} m, for a round still take {1.0 / fastest:.3g} s for that"
+        )
+        problems.append(Problem("--rate", options.rate_hz, right))
     for number in options.numbers:
         if not 1 <= number <= most:
             hint = " to be simulated; with --seeds 0 the model alone answers" if simulated else ""

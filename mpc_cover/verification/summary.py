@@ -10,6 +10,7 @@ import numpy as np
 
 from mpc_cover.mission.config import Sensing
 from mpc_cover.trajectory_file import RecordingKind
+from mpc_cover.verification.area_seen import area_seen
 from mpc_cover.verification.connectivity import widest_bottleneck
 from mpc_cover.verification.hovering import hovering_of
 from mpc_cover.verification.information_summary import summarise_information
@@ -46,7 +47,8 @@ class RunSummary:
 
     Attributes
     ----------
-    covered_percent : rounded down to a hundredth, so that 100 means all of it.
+    covered_percent : by number of cells, as all percentages but that of the area; rounded down to a
+        hundredth, so that 100 means all of it.
     time_to_90_s, ... : when that part of the cells was covered.
     smallest_separation_m : along the continuous path; None for a single agent.
     separation_min_m, communication_range_m : rho_B and rho_C.
@@ -54,6 +56,9 @@ class RunSummary:
     connected : whether the fleet was connected at every instant, without agents lost by then; None where it was not
         asked for.
     bottleneck_m : the largest edge of its Euclidean minimum spanning tree at any instant.
+    area_m2 : of the parts of W that matter, in `area_unit`: m^3 in space.
+    area_seen_percent : how much of that area was in range at a sample, found by points that know nothing of the cells;
+        rounded down to a tenth.
     time_apart_s : for how long it was not connected; the loss of a relay may be the reason.
     distance_m : travelled, by agent.
     swath_bound_s : T_b, about which no plan can be faster to cover everything.
@@ -94,6 +99,9 @@ class RunSummary:
     time_apart_s: float = 0.0
     hovering_agent_s: float | None = None
     hovering_events: int | None = None
+    area_m2: float | None = None
+    area_seen_percent: float | None = None
+    area_unit: str = "m^2"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary as plain data for `--json`."""
@@ -147,6 +155,9 @@ def summarise(trajectory: Recording, report: Report, step_times: FloatArray | No
         time_apart_s=_time_apart(trajectory) if torn else 0.0,
         hovering_agent_s=float(hovering.seconds.sum()) if hovering is not None else None,
         hovering_events=hovering.events if hovering is not None else None,
+        area_m2=mission.field.measure,
+        area_unit=f"m^{fleet.dimension}",
+        area_seen_percent=math.floor(1e3 * seen + 1e-9) / 10.0 if (seen := area_seen(trajectory)) is not None else None,
     )
 
 

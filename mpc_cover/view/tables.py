@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 from rich.text import Text
 
+_PROMISED = 10.0
+"""Per cent of the area that may be out of range though its cells are covered. A plain choice: box-3 misses 4."""
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -47,6 +50,12 @@ def print_report(report: Report, console: Console, information: dict[str, Any] |
         console.print(Text(f"all {len(report.checks)} checks hold", style="green"))
 
 
+def print_area_seen(summary: RunSummary, console: Console) -> None:
+    """Print how much area came within range."""
+    if summary.area_seen_percent is not None:
+        console.print(Text("area seen: ").append_text(_area_seen(summary)))
+
+
 def _margin(margin: float, unit: str) -> str:
     """Return a signed margin; a violation's sign is never rounded away."""
     if margin in (float("inf"), float("-inf")):
@@ -76,6 +85,8 @@ def _figure(name: str, value: float) -> str:
 def _rows(summary: RunSummary) -> Iterator[tuple[str, Text]]:
     covered = f"{summary.covered_percent:.2f} % ({summary.covered_cells} of {summary.cells} cells)"
     yield "covered", Text(covered, style="green" if summary.covered_cells == summary.cells else "")
+    if summary.area_seen_percent is not None and summary.area_m2 is not None:
+        yield "area seen", _area_seen(summary)
     times = (summary.time_to_90_s, summary.time_to_95_s, summary.time_to_99_s, summary.time_to_100_s)
     yield "time to 90 / 95 / 99 / 100 %", Text(" / ".join(_or(time, "{:.1f} s", "never") for time in times))
     if summary.information is not None:
@@ -102,6 +113,16 @@ def _rows(summary: RunSummary) -> Iterator[tuple[str, Text]]:
         missed = Text(f"{steps.misses} of {steps.steps}", style="bold red" if steps.misses else "")
         yield "periods missed", missed
     yield "verified", Text("yes", style="green") if summary.holds else Text("NO", style="bold red")
+
+
+def _area_seen(summary: RunSummary) -> Text:
+    """Return how much area came within range, as a warning where the cells promise more."""
+    seen, promised = summary.area_seen_percent or 0.0, summary.covered_percent
+    missing = promised - seen > _PROMISED
+    text = f"{seen:.1f} % of {summary.area_m2:.4g} {summary.area_unit}"
+    return Text(
+        f"{text}: less than the cells say: make them smaller" if missing else text, "bold red" if missing else ""
+    )
 
 
 def _connected(summary: RunSummary, bottleneck: float) -> Text:

@@ -8,6 +8,9 @@ import subprocess
 import sys
 from threading import Event
 
+import pytest
+from quick_missions import QUICK, write_mission
+
 
 def test_simulate_writes_a_run_and_says_so_in_json(simulated, tmp_path):
     assert simulated["holds"]
@@ -32,6 +35,19 @@ def test_simulate_without_out_names_the_run_after_the_mission(run, quick, tmp_pa
     assert re.fullmatch(r"quick-\d{8}-\d{6}", folder.name)
     assert f"runs/{folder.name}" in out
     assert "100.00 %" in out
+
+
+@pytest.mark.parametrize("controller", ["mpc", "potential"])
+@pytest.mark.parametrize("agents", [1, 2])
+def test_when_everything_is_in_range_at_the_start_that_is_a_success_with_a_record(run, tmp_path, controller, agents):
+    fleet = [{"id": "a1", "start_m": [2.0, 2.0]}, {"id": "a2", "start_m": [4.0, 2.0]}][:agents]
+    changes = QUICK | {"fleet__agents": fleet, "fleet__defaults__sensing_radius_m": 10.0}
+    mission = write_mission(tmp_path / "near.yaml", changes)
+    status, out, _ = run("simulate", mission, "--out", "run", "--json", "--controller", controller)
+    assert status == 0
+    assert json.loads(out)["time_to_100_s"] == 0.0
+    assert run("check", "run")[0] == 0
+    assert run("plot", "run")[0] == 0
 
 
 def test_a_death_is_simulated_and_told(run, quick):

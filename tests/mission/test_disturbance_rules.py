@@ -37,10 +37,10 @@ def test_mistakes(changes, where, right):
 def test_a_sensing_radius_by_magnitude_counts():
     raw = changed(
         ("magnitudes", ["heat", "light"]),
-        ("fleet.defaults.sensing_radius_m", {"heat": 2.0, "light": 0.4}),
-        ("disturbance.position_noise_m", 0.15),
+        ("fleet.defaults.sensing_radius_m", {"heat": 2.0, "light": 0.8}),
+        ("disturbance.position_noise_m", 0.25),
     )
-    assert mistakes(raw) == {"disturbance.position_noise_m": "must be at most 0.1: 0.25 of the smallest sensing radius"}
+    assert mistakes(raw) == {"disturbance.position_noise_m": "must be at most 0.2: 0.25 of the smallest sensing radius"}
 
 
 def test_what_is_missing_elsewhere_is_not_told_twice():

@@ -161,7 +161,7 @@ def test_a_tug_of_war_is_ended_by_attending_to_one_cell():
 def test_a_saddle_is_left_by_the_random_signal():
     """5.17: one agent amid two cells that pull alike."""
     field = Scenario(size_m=(6.5, 0.5)).build(np.random.default_rng(0))[1]
-    ends = replace(field, cell=field.cell[[0, -1]], weight=np.ones(2))
+    ends = replace(field, cell=field.cell[[0, -1]], weight=np.ones(2), part=np.ones(2))
     fleet = Fleet(
         ids=("a1",),
         start=np.array([[3.25, 0.25]]),

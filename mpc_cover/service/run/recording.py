@@ -44,8 +44,9 @@ def merge(
     """Return the fleet's recording from the agents' records, in the order of the mission's agents.
 
     All records are of one clock. Time 0 is the start of the first plan that was flown; the recording ends when
-    all agents are at rest for good, or, where agents at rest keep measuring, with the record that ends first. Records
-    of agents that `died` are `extended`; the times of their deaths are in the recording's meta as "lost" [s], by id.
+    all agents are at rest for good, or, where agents at rest keep measuring, with the record that ends first. A flight
+    that ended as it began, with everything within range, is a state period of rest. Records of agents that `died`
+    are `extended`; the times of their deaths are in the recording's meta as "lost" [s], by id.
 
     Raises
     ------
@@ -59,8 +60,13 @@ def merge(
     motions = [motion_of(pieces) for pieces in whole]
     flown = [piece.time_s for pieces in whole if (piece := _first_flown(pieces))]
     first, last = _span(motions, flown, to_the_end=mission.spec.looks_again)
-    if last - first <= MERGE_S:
+    brief = last - first <= MERGE_S
+    if brief and (last < first - MERGE_S or any(motion.velocity.any() for motion in motions)):
         raise UnreadableFileError("the agents' records have no time in common")
+    if brief:
+        last = first + mission.spec.control.state_period_s
+        limits = mission.fleet.input_max.tolist()
+        motions = [motion_of(extended(pieces, limit, last)) for pieces, limit in zip(whole, limits, strict=True)]
     time = _instants(motions, first, last)
     states = [motion.at(time, 0.0) for motion in motions]
     middle = 0.5 * (time[:-1] + time[1:])

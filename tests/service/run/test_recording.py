@@ -88,6 +88,18 @@ def test_nobody_flew(mission, bench):
     assert check_trajectory(trajectory).holds
 
 
+def test_a_flight_that_ended_as_it_began_is_a_record_of_rest(mission, bench):
+    agents = [bench.agent("a1"), bench.agent("a2")]
+    bench.run(seconds=0.05)
+    for agent in agents:
+        agent.shutdown()
+    records = [bench.records[name].pieces[:1] * 2 for name in ("a1", "a2")]
+    trajectory = merge(mission, records, {})
+    assert trajectory.time == pytest.approx([0.0, mission.spec.control.state_period_s])
+    assert not trajectory.velocity.any()
+    assert check_trajectory(trajectory).holds
+
+
 def test_no_record_is_told(mission, flown):
     with pytest.raises(UnreadableFileError, match="no motion was recorded of a2"):
         merge(mission, [flown[0], []], {})
