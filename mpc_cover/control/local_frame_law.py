@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from mpc_cover.model.cell_blocks import CellBlocks
 from mpc_cover.model.local_frame import LocalFrame
 
 if TYPE_CHECKING:
@@ -30,8 +31,10 @@ class LocalFrameLaw:
     """
 
     def __init__(self, mission: Mission, make_law: Callable[[Mission], ControlLaw]) -> None:
+        self._blocks = CellBlocks.of(mission)
+        planned = mission if self._blocks is None else self._blocks.mission(mission)
         self._frame = LocalFrame.of(mission)
-        self._law = make_law(self._frame.mission(mission))
+        self._law = make_law(self._frame.mission(planned))
         self.tolerates_losses = self._law.tolerates_losses
         self._proposed: tuple[Trajectory, Trajectory] | None = None
 
@@ -42,7 +45,7 @@ class LocalFrameLaw:
 
     def step(self, state: FleetState, coverage: DemandMap, budget: Budget) -> Proposal:
         """Return the law's proposal, from exactly the given state on."""
-        local = _LocalMap(coverage, self._frame)
+        local = _LocalMap(coverage, self._frame, self._blocks)
         proposal = self._law.step(self._frame.state(state), local, budget)
         metric = self._frame.metric(proposal.trajectory, state.position, state.velocity)
         self._proposed = metric, proposal.trajectory
@@ -56,10 +59,11 @@ class LocalFrameLaw:
 
 @dataclass(frozen=True, eq=False)
 class _LocalMap:
-    """A map that is asked for positions in local units."""
+    """A map that is asked for positions in local units, and answers for blocks of cells."""
 
     map: DemandMap
     frame: LocalFrame
+    blocks: CellBlocks | None
 
     @property
     def endless(self) -> bool:
@@ -67,18 +71,19 @@ class _LocalMap:
 
     @property
     def owed(self) -> BoolArray:
-        return self.map.owed
+        return self.map.owed if self.blocks is None else self.blocks.any(self.map.owed)
 
     @property
     def residual(self) -> FloatArray:
-        return self.map.residual
+        return self.map.residual if self.blocks is None else self.blocks.most(self.map.residual)
 
     @property
     def complete(self) -> bool:
         return self.map.complete
 
     def demand(self, time_s: float, position: FloatArray) -> Demand:
-        return self.map.demand(time_s, self._metric(position))
+        demand = self.map.demand(time_s, self._metric(position))
+        return demand if self.blocks is None else demand.of_blocks(self.blocks)
 
     def begin_lap(self, time_s: float, position: FloatArray) -> None:
         self.map.begin_lap(time_s, self._metric(position))

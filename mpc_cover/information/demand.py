@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
+    from mpc_cover.model.cell_blocks import CellBlocks
 
 _LEAST = 0.25
 """Smallest weight relative to the largest: smaller ones would be lost in a QP's tolerance."""
@@ -28,6 +29,10 @@ class Demand:
 
     gamma: FloatArray
     looks: IntArray | None = None
+
+    def of_blocks(self, blocks: CellBlocks) -> Demand:
+        """Return the demand of blocks of cells: of each the largest of its cells."""
+        return Demand(blocks.most(self.gamma), None if self.looks is None else blocks.most(self.looks))
 
 
 class DemandMap(Protocol):

@@ -10,6 +10,7 @@ import numpy as np
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
 from mpc_cover.information.replay import measured_at
+from mpc_cover.model.cell_blocks import CellBlocks
 from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.model.local_frame import LocalFrame
 from mpc_cover.model.look_instants import looks_of_plans
@@ -102,12 +103,14 @@ def plan_mission(
 
 
 def offline_task(mission: Mission, frame: LocalFrame | None = None) -> Task:
-    """Return the task of covering a mission from scratch, in metres or in a local frame."""
+    """Return the task of covering a mission from scratch: in metres, or in a local frame with small cells in blocks."""
     planning = mission.spec.planning
     nowhere = np.full_like(mission.fleet.start, np.nan)  # no cell is in range before the start
     demand = make_map(mission).demand(0.0, nowhere)
     end = End(planning.end)
     goal = np.array([agent.end_m for agent in mission.spec.fleet.agents]) if end is End.FIXED else None
+    if frame is not None and (blocks := CellBlocks.of(mission)) is not None:
+        mission, demand = blocks.mission(mission), demand.of_blocks(blocks)
     if frame is not None:
         mission, goal = frame.mission(mission), None if goal is None else frame.position(goal)
     fleet = mission.fleet
