@@ -103,7 +103,7 @@ def test_a_meta_that_json_has_no_word_for_is_refused_before_anything_is_written(
 def small(tmp_path_factory):
     """The bytes of a small file, and a place to write broken copies of it."""
     raw = json.loads(load_mission("box-3").to_json())
-    raw["area"]["cell_size_m"] = 2.0
+    raw["area"]["cell_size_m"] = 1.25
     file = tmp_path_factory.mktemp("small") / "small.npz"
     save_trajectory(trajectory_of(mission_of(raw), np.zeros((3, 3, 2))), file)
     return file.read_bytes(), file.with_name("broken.npz")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.config import MissionSpec
 
-WARN = 0.5
+WARN = 0.6
 """Half diagonals above this part of the smallest radius are warned of: strips rho wide may then lack a third of a cell.
 
 A plain choice: box-3 has 0.35.

@@ -45,7 +45,7 @@ def test_json_is_all_there_is_on_stdout(study):
     [
         (["--seeds", 0], "--seeds 0: must be at least 1"),
         (["--horizons", ""], "--horizons: is empty"),
-        (["--horizons", "2"], "control.horizon_steps: 2: must be at least 4: agent 0 brakes in 2 steps"),
+        (["--horizons", "2"], "control.horizon_steps: 2: must be at least 4: a1 brakes in 2 steps"),
         (["--periods", "x"], "--periods x: must be numbers of seconds"),
         (["--periods", ","], "--periods: is empty"),
         (["--controllers", "pid"], "--controllers pid: is none"),

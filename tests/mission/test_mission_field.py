@@ -154,5 +154,5 @@ def test_cells_of_which_nobody_sees_the_whole_are_refused(radius):
 
 def test_coarse_cells_are_warned_of_and_what_is_said_to_be_fine_is():
     coarse = build_mission(changed(("area.cell_size_m", 1.0)), "test").spec
-    assert "at most 0.707 would be fine" in (coarse_warning(coarse) or "")
-    assert coarse_warning(build_mission(changed(("area.cell_size_m", 0.7)), "test").spec) is None
+    assert "at most 0.849 would be fine" in (coarse_warning(coarse) or "")
+    assert coarse_warning(build_mission(changed(("area.cell_size_m", 0.84)), "test").spec) is None

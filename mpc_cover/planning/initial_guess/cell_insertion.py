@@ -40,18 +40,19 @@ def with_cells(
     time = np.array([path_length(path) for path in found]) / fleet.speed_max
     while todo.any():
         target = int(np.argmax(_nearest(found, cell, todo)))
-        able = np.flatnonzero(np.isfinite(fleet.radius[:, todo[:, target]]).any(axis=1))
-        if not able.size:
+        some = np.flatnonzero(np.isfinite(fleet.radius[:, todo[:, target]]).any(axis=1))
+        if not some.size:
             return None
-        options = [_insertion(found[i], cell[target], _reach(fleet, int(i), todo[:, target], share)) for i in able]
-        later = np.array([time[i] + option[0] / fleet.speed_max[i] for i, option in zip(able, options, strict=True)])
+        options = [_insertion(found[i], cell[target], _reach(fleet, int(i), todo[:, target], share)) for i in some]
+        later = np.array([time[i] + option[0] / fleet.speed_max[i] for i, option in zip(some, options, strict=True)])
         best = int(np.lexsort(([option[0] for option in options], np.maximum(later, time.max())))[0])
-        agent, (_, place, point) = int(able[best]), options[best]
+        agent, (_, place, point) = int(some[best]), options[best]
         found[agent] = np.insert(found[agent], place, point, axis=0)
         time[agent] = later[best]
-        near = np.linalg.norm(cell - point, axis=1)
-        measured = near[None] <= share * fleet.radius[agent][:, None] + TIE
-        measured[:, target] = np.isfinite(fleet.radius[agent])
+        near, radius = np.linalg.norm(cell - point, axis=1), fleet.radius[agent]
+        able = np.isfinite(radius)
+        measured = able[:, None] & (near[None] <= share * np.where(able, radius, 0.0)[:, None] + TIE)
+        measured[:, target] = able
         todo &= ~measured
     return found
 

@@ -35,10 +35,11 @@ class Tour:
 def tour_guess(fleet: Fleet, cell: FloatArray, demand: FloatArray, position: FloatArray) -> Guess:
     """Return a greedy tour: repeatedly, the agent that can reach some remaining cell first is sent to it.
 
-    It suits few, scattered cells. Arguments as in `boustrophedon.sweep_guesses`.
+    It suits few, scattered cells, and leaves what nobody can measure. Arguments as in `boustrophedon.sweep_guesses`.
     """
-    owed = (demand > 0.0).any(axis=0)
-    cell, left = cell[owed], demand[:, owed] > 0.0
+    measurable = np.isfinite(fleet.radius).any(axis=0)
+    owed = (demand[measurable] > 0.0).any(axis=0)
+    cell, left = cell[owed], (demand[:, owed] > 0.0) & measurable[:, None]
     paths = [[position[i]] for i in range(fleet.size)]
     clock = np.zeros(fleet.size)
     while left.any():

@@ -46,13 +46,16 @@ def test_a_dead_agent_is_lost_within_two_periods_and_the_others_fly_on(bench, fl
 @pytest.mark.parametrize("state_period_s", [0.2, 0.25, 0.5])
 def test_its_last_words_do_not_make_it_fly_on(state_period_s):
     bench = Bench(small_mission(8.0, state_period_s=state_period_s))
+    bench.hear(bench.keys.state("a2"))
     law, fleet = SharingLaw(bench.mission, 7.0), [bench.agent("a1"), bench.agent("a2")]
     controller = bench.controller(law)
     bench.run(controller, until=lambda: np.linalg.norm(fleet[1].plant.velocity) > 0.5)
     bench.kill(fleet[1])
-    last = fleet[1].plant
+    last = bench.states("a2")[-1]
     bench.run(controller, until=lambda: law.lost)
-    stop, _ = predict(Plant(last.time_s, last.position, last.velocity), Schedule(1.0), last.time_s + 9.0)
+    stop, _ = predict(
+        Plant(last.time_s, np.array(last.position), np.array(last.velocity)), Schedule(1.0), last.time_s + 9.0
+    )
     before = len(law.in_flight)
     bench.run(controller, until=lambda: len(law.in_flight) >= before + 3)
     for state in law.in_flight[before:]:

@@ -84,7 +84,7 @@ def test_the_command_says_that_plans_were_refused_and_ends_with_status_1(run, mo
     assert not summary["complete"]
     assert summary["outcome"] == "the safety filter refused 3 plans in a row"
     status, out, err = run("check", "r")
-    assert (status, err) == (0, "")  # they stayed where they were, in good order
+    assert (status, err) == (1, "")  # they stayed where they were, in good order, and covered next to nothing
 
 
 def test_whether_work_or_time_is_counted_makes_no_difference_to_a_law_in_time(monkeypatch):
