@@ -50,7 +50,7 @@ def plan(
     backend: Backend = "piqp",
     as_json: Json = False,
 ) -> None:
-    """Solve the optimal coverage NLP offline, over the mission's planning.duration_s.
+    """Solve the optimal coverage NLP offline, over the mission's planning.duration_s, or as long as it takes.
 
     Ctrl-C ends the search: the best plan found until then is written, and the exit status is 130.
     """

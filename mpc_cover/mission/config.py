@@ -221,7 +221,8 @@ class Control(Model):
 class Planning(Model):
     """One offline solve (`mpc-cover plan`)."""
 
-    duration_s: Positive = 15.0
+    duration_s: Positive | None = None
+    """Of the plan; left out, as long as it takes to cover everything."""
     start: PlanStart = PlanStart.FIXED
     end: PlanEnd = PlanEnd.REST
 

@@ -56,11 +56,12 @@ def planning_problems(spec: MissionSpec) -> Iterator[Problem]:
     """Yield what is wrong with the duration and the ends of offline plans."""
     planning, fleet, period = spec.planning, spec.fleet, spec.control.plan_step
     unit = "periods" if spec.control.substeps == 1 else "steps"
-    if planning.duration_s < 2 * period:
-        yield Problem("planning.duration_s", planning.duration_s, f"must be at least two {unit} of {period:g} s")
-    if planning.duration_s > MAX_PLAN_STEPS * period:
-        right = f"must be at most {MAX_PLAN_STEPS} {unit} of {period:g} s"
-        yield Problem("planning.duration_s", planning.duration_s, right)
+    if (duration_s := planning.duration_s) is not None:
+        if duration_s < 2 * period:
+            yield Problem("planning.duration_s", duration_s, f"must be at least two {unit} of {period:g} s")
+        if duration_s > MAX_PLAN_STEPS * period:
+            right = f"must be at most {MAX_PLAN_STEPS} {unit} of {period:g} s"
+            yield Problem("planning.duration_s", duration_s, right)
     if planning.end is not PlanEnd.FIXED:
         return
     for index, agent in enumerate(fleet.agents):
@@ -131,7 +132,7 @@ def _reach_problems(spec: MissionSpec, index: int) -> Iterator[Problem]:
     distance = float(np.linalg.norm(np.array(agent.end_m) - np.array(agent.start_m)))
     ramp = min(distance, speed**2 / force)
     needed = 2.0 * np.sqrt(ramp / force) + (distance - ramp) / speed
-    if needed > spec.planning.duration_s:
+    if spec.planning.duration_s is not None and needed > spec.planning.duration_s:
         right = f"is {distance:.3g} m away and takes {needed:.3g} s: planning.duration_s must be at least that"
         yield Problem(path, agent.end_m, right)
 

@@ -1,9 +1,9 @@
 """Blocks of cells that plans cover as one, where cells are far smaller than a sensing radius.
 
-The QP of a plan has a row for each cell near the edge of coverage: with 200,000 cells it takes seconds, and the back-ends
-were not made for it. What matters to a plan are distances on the scale of the sensing radius. So the cells of a block
-are planned for as one point, with a sensing radius that is smaller by the distance of the farthest of them: who covers
-the point covers them all. The map, the recordings and the verifier keep the cells.
+The QP of a plan has a row for each cell near the edge of coverage: with 200,000 cells it takes seconds, and the
+back-ends were not made for it. What matters to a plan are distances on the scale of the sensing radius. So the cells of
+a block are planned for as one point, with a sensing radius that is smaller by the distance of the farthest of them: who
+covers the point covers them all. The map, the recordings and the verifier keep the cells.
 """
 
 from __future__ import annotations

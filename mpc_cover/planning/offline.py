@@ -82,7 +82,7 @@ def plan_mission(
     options = options or PlanOptions()
     planner, frame = Planner(options.backend), LocalFrame.of(mission)
     task = offline_task(mission, frame)
-    steps = round(mission.spec.planning.duration_s / task.period)
+    duration_s = mission.spec.planning.duration_s
     limit_s = options.time_limit_s
     budget = Budget.unlimited() if limit_s is None else Budget.wall_clock(limit_s)
     search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
@@ -90,7 +90,10 @@ def plan_mission(
     try:
         if options.min_time:
             found = planner.shortest(task, search, budget, best.note, failures=FAILURES if limit_s is None else None)
+        elif duration_s is None:  # as long as it takes
+            found = planner.shortest(task, search, budget, best.note, failures=0)
         else:
+            steps = round(duration_s / task.period)
             rounds = SEARCH.rounds if limit_s is None else None
             found = planner.fixed(task, steps, replace(search, rounds=rounds), budget, best.note)
     except KeyboardInterrupt:

@@ -30,9 +30,13 @@ class Guess(StrEnum):
     """All agents stand still."""
 
 
+_DURATION_S = 15.0
+"""Duration of the plans that are compared where the mission gives none; a plain choice."""
+
+
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A mission over its `planning.duration_s`.
+    """A mission over its `planning.duration_s`, or 15 s where it gives none.
 
     Attributes
     ----------
@@ -53,7 +57,8 @@ class Case:
 def make_case(mission: Mission) -> Case:
     """Return the problem that `mpc-cover plan` solves for this mission."""
     task = offline_task(mission)
-    return Case(mission, task, task.ocp(round(mission.spec.planning.duration_s / task.period)))
+    duration_s = mission.spec.planning.duration_s or _DURATION_S
+    return Case(mission, task, task.ocp(round(duration_s / task.period)))
 
 
 def start_from(case: Case, guess: Guess) -> FloatArray:

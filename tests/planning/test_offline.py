@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -95,3 +97,12 @@ def test_exact_cones_are_for_back_ends_that_have_them_and_the_message_lists_thos
         return
     with pytest.raises(UserError, match=f"{name} has no second-order cones.*{' or '.join(backends_with_cones())}"):
         PlanOptions(name, exact_cones=True)
+
+
+def test_without_a_duration_a_plan_takes_as_long_as_it_takes():
+    spec = json.loads(load_mission("box-3").to_json())
+    spec["area"]["shape"]["max_m"] = [14.0, 6.0]
+    del spec["planning"]["duration_s"]
+    plan = plan_mission(build_mission(spec, "box"), PlanOptions(starts=2))
+    assert np.isfinite(plan.covered_at).all()
+    assert check_trajectory(plan).holds

@@ -37,7 +37,7 @@ def tour_guess(fleet: Fleet, cell: FloatArray, demand: FloatArray, position: Flo
 
     It suits few, scattered cells, and leaves what nobody can measure. Arguments as in `boustrophedon.sweep_guesses`.
     """
-    measurable = np.isfinite(fleet.radius).any(axis=0)
+    measurable = np.asarray(np.isfinite(fleet.radius).any(axis=0))
     owed = (demand[measurable] > 0.0).any(axis=0)
     cell, left = cell[owed], (demand[:, owed] > 0.0) & measurable[:, None]
     paths = [[position[i]] for i in range(fleet.size)]
