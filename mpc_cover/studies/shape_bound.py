@@ -36,7 +36,21 @@ def shape_bound(mission: Mission) -> float:
     distance = distance_bound(mission.field.cell, fleet.start, float(fleet.radius.max()))
     by_distance = (distance + starting) / speed if distance > 0.0 else 0.0
     by_area = swath_bound(mission)
-    return max(by_distance, reach_bound(mission), 0.0 if by_area is None else by_area + starting / speed)
+    if by_area is not None:
+        by_area = by_area / formation_share(mission) + starting / speed
+    return max(by_distance, reach_bound(mission), by_area or 0.0)
+
+
+def formation_share(mission: Mission) -> float:
+    """Return the part of the swath of all agents together that the fleet's links leave to it, at most 1.
+
+    m agents whose neighbours are within rho_C fly in line abreast at the widest, and sweep (m - 1) rho_C + 2 rho. Exact
+    for a fleet that keeps its formation; one that changes it may be faster for as long as that takes.
+    """
+    fleet = mission.fleet
+    radius = float(fleet.radius.max())
+    widest = (fleet.size - 1) * min(fleet.communication_range, 2.0 * radius) + 2.0 * radius
+    return widest / (2.0 * radius * fleet.size)
 
 
 def reach_bound(mission: Mission) -> float:

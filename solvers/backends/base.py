@@ -209,6 +209,9 @@ class Backend(ABC):
     def _build(self, begun: float) -> None:
         """Set up the native solver with the current data; `_ready` is whether that succeeded."""
         qp, start = self.qp, self._start
+        if qp.n > (most := self.capabilities.variables_max):  # native code may crash the process
+            self._failure = f"{self.name} is given at most {most} variables, not {qp.n}"
+            return
         self._ready = self._attempt(lambda: (self._setup(qp, self._options), True)) is not None
         if self._ready and start is not None:
             self._ready = self._attempt(lambda: self._warm_start(*start)) is not None

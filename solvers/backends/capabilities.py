@@ -22,6 +22,7 @@ class Capabilities:
     accurate: the tightest tolerance that it reaches on every QP within its default number of iterations and in
         reasonable time.
     entry_iteration_s: time of an iteration per stored entry of A [s].
+    variables_max: the most variables of a QP that it is given; it has been seen to bear so many.
     """
 
     second_order_cones: bool
@@ -29,6 +30,7 @@ class Capabilities:
     fine: float
     accurate: float
     entry_iteration_s: float
+    variables_max: int = 150_000
 
     def __post_init__(self) -> None:
         """Raise `ValueError` for non-positive numbers, or tolerances in the wrong order."""

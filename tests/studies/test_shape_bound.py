@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from mpc_cover.mission.load import build_mission
 from mpc_cover.studies.mission_transforms import moved, scaled
-from mpc_cover.studies.robustness_shapes import islands, shapes
-from mpc_cover.studies.shape_bound import distance_bound, reach_bound, shape_bound
+from mpc_cover.studies.robustness_shapes import crowds, islands, shapes
+from mpc_cover.studies.shape_bound import distance_bound, formation_share, reach_bound, shape_bound
 from mpc_cover.verification.summary import swath_bound
 
 
@@ -34,6 +34,12 @@ def test_the_farthest_cell_is_reached_by_accelerating_then_cruising():
     mission = build_mission(raw, "one agent")
     farthest = np.linalg.norm(mission.field.cell - mission.fleet.start[0], axis=1).max() - 1.0
     assert reach_bound(mission) == pytest.approx(farthest / 1.5 + 0.5)
+
+
+def test_tight_links_narrow_the_swath_of_a_fleet():
+    by_range = crowds()["line of 6"]
+    share = [formation_share(build_mission(raw, "crowd")) for raw in by_range.values()]
+    assert share == pytest.approx([7.5 / 12.0, 8.0 / 12.0, 9.5 / 12.0, 1.0])
 
 
 @pytest.mark.parametrize("raw", [*shapes().values(), *islands().values()], ids=lambda raw: raw["name"])

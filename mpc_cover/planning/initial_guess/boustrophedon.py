@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 
 from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
 from mpc_cover.planning.initial_guess.lanes import (
@@ -33,6 +34,11 @@ if TYPE_CHECKING:
     from mpc_cover.planning.task import Task
 
 
+_SMALLER_SHARE = 0.9
+"""Area of the smallest rectangle around an area, over that of the box around it, below which sweeps follow the axes of
+the rectangle. A plain choice."""
+
+
 class Boustrophedon:
     """Back-and-forth sweeps of the whole demand along each axis.
 
@@ -48,8 +54,11 @@ class Boustrophedon:
         """Yield strips of equal work, cut snakes and combs."""
         instants = task.fleet.look_instants
         look_s = 0.0 if instants.continuous else task.period / instants.per_step
-        arrays = (task.fleet, task.cell, task.weight, task.position, look_s)
-        return sweep_guesses(*arrays, slow=self._slow)
+        turn = frame_of_area(task.cell[(task.weight > 0.0).any(axis=0)])
+        arrays = (task.fleet, task.cell @ turn.T, task.weight, task.position @ turn.T, look_s)
+        for guess in sweep_guesses(*arrays, slow=self._slow):
+            paths = [np.clip(path @ turn, task.fleet.motion_min, task.fleet.motion_max) for path in guess.paths]
+            yield replace(guess, paths=paths)
 
 
 def sweep_guesses(
@@ -82,6 +91,25 @@ def sweep_guesses(
 
             yield by_team(GuessKind.SNAKE, f"snake {name}", position, teams, snakes)
             yield by_team(GuessKind.COMB, f"comb {name}", position, teams, combs)
+
+
+def frame_of_area(cell: FloatArray) -> FloatArray:
+    """Return the rotation (d, d) into the axes of the smallest rectangle around cells (K, d) [m].
+
+    The identity where the rectangle is not much smaller than the box around them, or in space.
+    """
+    if cell.shape[1] != 2 or cell.shape[0] < 3:  # noqa: PLR2004 - a rectangle in the plane
+        return np.eye(cell.shape[1])
+    hull = shapely.MultiPoint(cell).convex_hull
+    box = shapely.minimum_rotated_rectangle(hull)
+    if box.geom_type != "Polygon" or box.area > _SMALLER_SHARE * hull.envelope.area:
+        return np.eye(2)
+    first, second = np.array(box.exterior.coords[:2])
+    along = (second - first) / np.linalg.norm(second - first)
+    if abs(along[0]) < abs(along[1]):
+        along = np.array([along[1], -along[0]])
+    along = along * np.sign(along[0])
+    return np.array([along, [-along[1], along[0]]])
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from motions import PERIOD, grid
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.mission.load import load_mission
 from mpc_cover.model.sensing import measured
-from mpc_cover.planning.initial_guess.boustrophedon import sweep_guesses
+from mpc_cover.planning.initial_guess.boustrophedon import frame_of_area, sweep_guesses
 from mpc_cover.planning.initial_guess.guess import GuessKind, rest_guess
 from mpc_cover.planning.initial_guess.tour import tour_guess
 from mpc_cover.planning.initial_guess.waypoint_tracking import track_waypoints
@@ -54,3 +54,24 @@ def test_the_cost_of_a_complete_sweep_is_near_zero():
     guess = next(iter(sweep_guesses(fleet, cell, owed, fleet.start, PERIOD)))
     flight = track_waypoints(guess.paths, fleet.start, np.zeros_like(fleet.start), fleet, PERIOD)
     assert coverage_cost(flight.position, cell, fleet.radius, owed) < 2.0
+
+
+@pytest.mark.parametrize("degrees", [17.0, 45.0, 120.0])
+def test_sweeps_follow_the_axes_of_a_turned_rectangle(degrees):
+    turn = np.array(
+        [
+            [np.cos(np.radians(degrees)), -np.sin(np.radians(degrees))],
+            [np.sin(np.radians(degrees)), np.cos(np.radians(degrees))],
+        ]
+    )
+    x, y = np.meshgrid(np.arange(0.0, 12.0, 0.5), np.arange(0.0, 4.0, 0.5))
+    axes = frame_of_area(np.column_stack([x.ravel(), y.ravel()]) @ turn.T)
+    along = turn[:, 0]
+    assert np.abs(axes @ along).max() == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(2), atol=1e-12)
+
+
+def test_areas_along_the_axes_and_areas_without_extent_are_swept_along_them():
+    x, y = np.meshgrid(np.arange(5.0), np.arange(3.0))
+    for cell in (np.column_stack([x.ravel(), y.ravel()]), np.zeros((1, 2)), np.column_stack([np.arange(9.0)] * 2)):
+        np.testing.assert_array_equal(frame_of_area(cell), np.eye(2))
