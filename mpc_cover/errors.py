@@ -57,5 +57,14 @@ class InvalidInputError(UserError):
         super().__init__(f"{what}: {count} problem{'s' if count != 1 else ''}{lines}")
 
 
+def problems_of(error: UserError) -> list[dict[str, str]]:
+    """Return the mistakes that an error lists, as plain data: each with its path, the value and what would be right."""
+    found = error.problems if isinstance(error, InvalidInputError) else ()
+    return [
+        {"path": each.path, "value": _SHORT.repr(_plain(each.value)), "right": each.right, "agent": each.of}
+        for each in found
+    ]
+
+
 class UnreadableFileError(UserError):
     """A file that is missing, truncated or malformed."""

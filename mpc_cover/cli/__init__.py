@@ -9,8 +9,9 @@ from typing import Annotated
 import typer
 
 from mpc_cover.cli import agent, bench, check, demo, plan, plot, retask, serve, simulate, size, study
+from mpc_cover.cli.options import print_json
 from mpc_cover.cli.streams import guarded_streams, lost_output
-from mpc_cover.errors import UserError
+from mpc_cover.errors import UserError, problems_of
 from mpc_cover.exit_status import ExitStatus
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -75,6 +76,8 @@ def _run() -> int:
         return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except UserError as error:
         sys.stderr.write(f"mpc-cover: {error}\n")
+        if "--json" in sys.argv:
+            print_json({"error": str(error), "problems": problems_of(error), "exit_status": int(ExitStatus.MISTAKE)})
         return ExitStatus.MISTAKE
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
