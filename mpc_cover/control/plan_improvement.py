@@ -116,9 +116,9 @@ class PlanImprovement:
         x = ocp.decision(plan.position[0], resampled(plan.velocity[: segment + 1 : parts], steps))
         found = self._planner.polish(ocp, ocp.exact_ends(x) if parts > 1 else x, _MAX_QPS, budget.part(_BUDGET_SHARE))
         position, velocity = ocp.motion(found.x)
-        force = np.diff(velocity, axis=0) / ocp.period
-        motion = Trajectory.even(plan.start_time, ocp.period, position, velocity, force).subdivided(parts)
-        return found, spliced(plan, motion.velocity, segment)
+        start = position[0], velocity[0]
+        motion = Trajectory.from_velocities(*start, velocity[1:], plan.start_time, ocp.period)
+        return found, spliced(plan, motion.subdivided(parts).velocity, segment)
 
     def _taken_in_passing(
         self,

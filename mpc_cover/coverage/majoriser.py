@@ -18,7 +18,7 @@ from mpc_cover.model.tolerances import NO_DIRECTION
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
-    from mpc_cover.coverage.nearest import Nearest
+    from mpc_cover.coverage.nearest_points import Nearest
     from mpc_cover.model.look_instants import InterSample
 
 _CURVATURE_DISTANCE_MIN = 0.3

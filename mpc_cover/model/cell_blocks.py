@@ -67,7 +67,8 @@ class CellBlocks:
 
     def mission(self, mission: Mission) -> Mission:
         """Return the mission with a cell for each block, and sensing radii with which covering it covers the block."""
-        return Mission(mission.spec, self._field(mission.field), replace(mission.fleet, radius=self._radius(mission)))
+        fleet = replace(mission.fleet, radius=mission.fleet.radius - self.reach)
+        return Mission(mission.spec, self._field(mission.field), fleet)
 
     def most(self, values: NDArray[Number]) -> NDArray[Number]:
         """Return (J, B): the largest of the (J, K) values of the cells of each block."""
@@ -76,9 +77,6 @@ class CellBlocks:
     def any(self, values: BoolArray) -> BoolArray:
         """Return (J, B): whether any of the (J, K) values of the cells of each block holds."""
         return np.asarray(np.logical_or.reduceat(values[:, self.order], self.first, axis=1))
-
-    def _radius(self, mission: Mission) -> FloatArray:
-        return mission.fleet.radius - self.reach
 
     def _field(self, field: Field) -> Field:
         count = np.diff([*self.first, field.size])

@@ -102,22 +102,18 @@ class LocalFrame:
             start=self.position(fleet.start),
             input_max=self._rounded(fleet.input_max / unit),
             speed_max=self._rounded(fleet.speed_max / unit),
-            radius=np.where(np.isfinite(fleet.radius), self._rounded(fleet.radius / unit), fleet.radius),
-            separation_min=float(self._rounded(np.asarray(fleet.separation_min / unit))),
-            communication_range=self._bound(fleet.communication_range),
+            radius=self._rounded(fleet.radius / unit),
+            separation_min=float(self._rounded(fleet.separation_min / unit)),
+            communication_range=float(self._rounded(fleet.communication_range / unit)),
             motion_min=self.position(fleet.motion_min),
             motion_max=self.position(fleet.motion_max),
         )
 
-    def cells(self, cell: FloatArray) -> FloatArray:
-        """Return the cells' centroids (K, d) [m] in local units."""
-        return self.position(cell)
-
     def _field(self, field: Field) -> Field:
         return replace(
             field,
-            cell=self.cells(field.cell),
-            cell_size=float(self._rounded(np.asarray(field.cell_size / self.length))),
+            cell=self.position(field.cell),
+            cell_size=float(self._rounded(field.cell_size / self.length)),
             shape_min=self.position(field.shape_min),
             shape_max=self.position(field.shape_max),
         )
@@ -134,8 +130,6 @@ class LocalFrame:
         )
         return spec.model_copy(update={"disturbance": local})
 
-    def _bound(self, value: float) -> float:
-        return value if np.isinf(value) else float(self._rounded(np.asarray(value / self.length)))
-
-    def _rounded(self, value: FloatArray) -> FloatArray:
+    def _rounded(self, value: FloatArray | float) -> FloatArray:
+        """Return values on the grid; infinite ones, of what is not asked for or not measured, stay so."""
         return np.asarray(self.grid * np.round(value / self.grid))

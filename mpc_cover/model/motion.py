@@ -35,6 +35,16 @@ def chord_deviation(input_max: FloatArray, seconds: float | FloatArray) -> Float
     return np.asarray(input_max * np.square(seconds) / 8.0)
 
 
+def time_from_rest(distance: FloatArray, speed_max: FloatArray | float, input_max: FloatArray | float) -> FloatArray:
+    """Return the least time [s] in which a double integrator travels each distance [m] straight, from rest.
+
+    It accelerates at `input_max` [m/s^2], and cruises at `speed_max` [m/s]; it does not stop. Shapes broadcast.
+    """
+    cruising = distance / speed_max + 0.5 * speed_max / input_max
+    fast = distance > 0.5 * speed_max**2 / input_max
+    return np.where(fast, cruising, np.sqrt(2.0 * distance / input_max))
+
+
 def path_extremes(position: FloatArray, velocity: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and the highest coordinates (N, m, d) [m] within each interval of a motion.
 

@@ -29,9 +29,8 @@ if TYPE_CHECKING:
     from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
 
-_EXTENSIONS, _EXTENSIONS_TIGHT = 6, 30
-"""Extensions of a plan, each to what the one before leaves, the second of tight fleets, which are led to one cell at a
-time where no formation reaches them; plain choices."""
+_EXTENSIONS = 6
+"""Extensions of a plan, each to what the one before leaves; a plain choice."""
 _SEARCH = Search(starts=2, finalists=1)
 """The search for an extension where no motion is feasible as it is; a plain choice of the least effort."""
 

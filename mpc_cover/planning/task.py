@@ -11,7 +11,6 @@ import numpy as np
 from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.model.look_instants import inter_sample
-from mpc_cover.model.motion import roll_out
 from mpc_cover.model.sensing import look_counts
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.initial_guess.joint_polyline import cut_short
@@ -152,6 +151,5 @@ class Task:
         """Return a motion in `steps` steps, to rest."""
         assert steps is not None
         velocity = cut_short(motion.velocity, steps, self.fleet.input_max, self.period)
-        inputs = np.diff(velocity, axis=0) / self.period
-        position, _ = roll_out(motion.position[0], velocity[0], inputs, self.period)
-        return Trajectory.even(motion.start_time, self.period, position, velocity, inputs)
+        start = motion.position[0], velocity[0]
+        return Trajectory.from_velocities(*start, velocity[1:], motion.start_time, self.period)

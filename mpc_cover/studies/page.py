@@ -96,6 +96,13 @@ def _origin(groups: Mapping[str, Sequence[Group]], commands: Sequence[str]) -> I
     yield f"<p>Written on {escape(machine())}.</p>"
 
 
+def made_by(commands: Sequence[str]) -> Iterator[str]:
+    """Yield how a page was made here: the commands, the versions and the machine."""
+    yield "<h2>How it was made</h2>"
+    yield f"<pre>{escape(chr(10).join(commands))}</pre>"
+    yield f"<p>{escape(versions_line())}. {escape(machine())}.</p>"
+
+
 def machine() -> str:
     """Return a description of this machine."""
     return f"Python {platform.python_version()}, {platform.system()} {platform.machine()}, {os.cpu_count()} cores"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from typing import TYPE_CHECKING
 
@@ -30,12 +29,10 @@ def write_report(groups: Mapping[str, Sequence[Group]], folder: StudyFolder) -> 
         The folder cannot be written.
     """
     from mpc_cover.view.study import study_figures  # noqa: PLC0415 - a second of matplotlib
+    from mpc_cover.view.style import png_of  # noqa: PLC0415 - likewise
 
-    pictures = {}
-    for name, figure in study_figures({mission: series_of(some) for mission, some in groups.items()}):
-        content = io.BytesIO()
-        figure.savefig(content, format="png", metadata={"Software": None})
-        pictures[name] = content.getvalue()
+    figures = study_figures({mission: series_of(some) for mission, some in groups.items()})
+    pictures = {name: png_of(figure) for name, figure in figures}
     text = page(groups, pictures, folder.commands)
     report = folder.write(folder.path / "report.html", text.encode())
     return [report, *(folder.write(folder.path / f"{name}.png", png) for name, png in pictures.items())]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import math
 from html import escape
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
-from mpc_cover.studies.page import document, machine, versions_line
+from mpc_cover.studies.page import document, made_by
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -49,8 +48,7 @@ def print_tables(results: Sequence[RobustnessResult], console: Console) -> None:
             shown = [cells.get((row, column), []) for column in columns]
             table.add_row(row, *(Text(cell_text(cell), style=_style(cell)) for cell in shown))
         console.print(table)
-    passing = sum(result.passes for result in results)
-    console.print(f"{passing} of {len(results)} cases pass: covered, without a violation, within twice the bound")
+    console.print(_verdict(results))
     for result in _worst(results, limit=5):
         console.print(f"  {line_of(result)}", highlight=False, markup=False, soft_wrap=True)
 
@@ -88,30 +86,32 @@ def write_report(results: Sequence[RobustnessResult], folder: StudyFolder) -> li
         The folder cannot be written.
     """
     from mpc_cover.view.robustness import draw_robustness  # noqa: PLC0415 - a second of matplotlib
-    from mpc_cover.view.style import house_style  # noqa: PLC0415 - likewise
+    from mpc_cover.view.style import house_style, png_of  # noqa: PLC0415 - likewise
 
-    content = io.BytesIO()
     ratios = {
         title: (*_axes(cells), {key: _worst_ratio(cell) for key, cell in cells.items()})
         for title, cells in tables_of(results).items()
     }
     with house_style():
-        draw_robustness(ratios).savefig(content, format="png", metadata={"Software": None})
-    picture = folder.write(folder.path / "robustness.png", content.getvalue())
-    text = document("mpc-cover study robustness", list(_page(results, content.getvalue(), folder)))
+        png = png_of(draw_robustness(ratios))
+    picture = folder.write(folder.path / "robustness.png", png)
+    text = document("mpc-cover study robustness", list(_page(results, png, folder)))
     return [folder.write(folder.path / "robustness.html", text.encode()), picture]
 
 
 def _page(results: Sequence[RobustnessResult], png: bytes, folder: StudyFolder) -> Iterator[str]:
-    passing = sum(result.passes for result in results)
-    yield f"<p>{passing} of {len(results)} cases pass: covered, without a violation, within twice the bound.</p>"
+    yield f"<p>{escape(_verdict(results))}</p>"
     yield f'<img alt="worst ratios" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
     yield "<h2>The worst</h2>"
     for result in _worst(results, _SHOWN):
         yield f"<p{'' if result.passes else ' class=bad'}>{escape(line_of(result))}</p>"
-    yield "<h2>How it was made</h2>"
-    yield f"<pre>{escape(chr(10).join(folder.commands))}</pre>"
-    yield f"<p>{escape(versions_line())}. {escape(machine())}.</p>"
+    yield from made_by(folder.commands)
+
+
+def _verdict(results: Sequence[RobustnessResult]) -> str:
+    """Return how many cases pass, in words."""
+    passing = sum(result.passes for result in results)
+    return f"{passing} of {len(results)} cases pass: covered, without a violation, within twice the bound"
 
 
 def _worst_ratio(cell: Sequence[RobustnessResult]) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
+from mpc_cover.model.motion import time_from_rest
 from mpc_cover.verification.summary import swath_bound
 
 if TYPE_CHECKING:
@@ -57,10 +58,7 @@ def reach_bound(mission: Mission) -> float:
     """Return when [s] the last cell can be measured at the earliest, each by the agent that can do so first."""
     fleet = mission.fleet
     way = np.maximum(cdist(mission.field.cell, fleet.start) - fleet.radius.max(axis=1), 0.0)
-    starting = 0.5 * fleet.speed_max**2 / fleet.input_max
-    cruising = (way + starting) / fleet.speed_max
-    accelerating = np.sqrt(2.0 * way / fleet.input_max)
-    return float(np.where(way > starting, cruising, accelerating).min(axis=1).max())
+    return float(time_from_rest(way, fleet.speed_max, fleet.input_max).min(axis=1).max())
 
 
 def distance_bound(cell: FloatArray, start: FloatArray, radius: float) -> float:

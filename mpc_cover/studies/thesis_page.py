@@ -6,7 +6,7 @@ import base64
 from html import escape
 from typing import TYPE_CHECKING
 
-from mpc_cover.studies.page import document, machine, versions_line
+from mpc_cover.studies.page import document, made_by
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -26,7 +26,7 @@ _CHAPTERS = {
 
 def thesis_page(folder: Path, parts: Sequence[PartResult], tallies: Sequence[SeedTally], command: str) -> str:
     """Return the page; `folder` holds a folder with pictures for each part."""
-    parts_of_page = [*_problems(parts, tallies), *_chapters(folder, parts), *_seeds(tallies), *_origin(command)]
+    parts_of_page = [*_problems(parts, tallies), *_chapters(folder, parts), *_seeds(tallies), *made_by([command])]
     return document("The thesis's figures, as mpc-cover makes them", parts_of_page)
 
 
@@ -64,9 +64,3 @@ def _seeds(tallies: Sequence[SeedTally]) -> Iterator[str]:
     yield "<h2>Random starts</h2>"
     rows = "".join(f"<tr><td>{escape(each.text)}</td></tr>" for each in tallies)
     yield f"<table>{rows}</table>"
-
-
-def _origin(command: str) -> Iterator[str]:
-    yield "<h2>How it was made</h2>"
-    yield f"<pre>{escape(command)}</pre>"
-    yield f"<p>{escape(versions_line())}. {escape(machine())}.</p>"

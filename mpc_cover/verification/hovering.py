@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.model.motion import time_from_rest
 from mpc_cover.verification.losses import losses_of
 
 if TYPE_CHECKING:
@@ -94,8 +95,7 @@ def _could_have(
         between = np.linalg.norm(cell[:, None] - others[None], axis=2)
         free &= (between <= fleet.communication_range + radius).any(axis=1)
     distance = np.maximum(np.linalg.norm(cell - here, axis=1) - radius, 0.0)
-    fast = distance > 0.5 * speed**2 / force
-    arrival = np.where(fast, distance / speed + 0.5 * speed / force, np.sqrt(2.0 * distance / force))
+    arrival = time_from_rest(distance, speed, force)
     done = np.minimum(trajectory.covered_at[left], trajectory.time[-1])
     return bool((free & (time_s + arrival < done)).any())
 

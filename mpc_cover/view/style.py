@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -74,9 +75,16 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def save_figure(figure: Figure, file: Path) -> Path:
-    """Write a PNG without date or version, so that the same figure gives the same bytes."""
-    figure.savefig(file, format="png", metadata={"Software": None})
+    """Write a figure as PNG; see `png_of`."""
+    file.write_bytes(png_of(figure))
     return file
+
+
+def png_of(figure: Figure) -> bytes:
+    """Return a figure as PNG without date or version, so that the same figure gives the same bytes."""
+    content = io.BytesIO()
+    figure.savefig(content, format="png", metadata={"Software": None})
+    return content.getvalue()
 
 
 def agent_style(index: int) -> tuple[str, Any]:

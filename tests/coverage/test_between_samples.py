@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from motions import PERIOD, grid, random_motion
 
-from mpc_cover.coverage import nearest
+from mpc_cover.coverage import between_samples
 from mpc_cover.coverage.majoriser import Softness, build_majoriser, soft_cost
-from mpc_cover.coverage.nearest import FAR, nearest_samples, remaining_weight
+from mpc_cover.coverage.nearest import nearest_samples, remaining_weight
+from mpc_cover.coverage.nearest_points import FAR
 from mpc_cover.coverage.objective import coverage_cost
 from mpc_cover.model.look_instants import InterSample, LookInstants
 from mpc_cover.model.trajectory import Trajectory
@@ -48,7 +49,7 @@ def test_the_bend_of_the_path_counts_not_its_chord():
 @given(seed=st.integers(0, 10**6), dimension=st.sampled_from([2, 3]))
 def test_continuous_distances_are_those_to_the_path(pairs, seed, dimension):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(nearest, "_DENSE", pairs)
+        patch.setattr(between_samples, "DENSE", pairs)
         rng = np.random.default_rng(seed)
         position, velocity = random_motion(rng, 6, 2, dimension)
         cell, radius = grid(4, 2.5, dimension), rng.uniform(0.5, 1.0, (2, 1))
@@ -66,7 +67,7 @@ def test_continuous_distances_are_those_to_the_path(pairs, seed, dimension):
 @given(seed=st.integers(0, 10**6), count=st.integers(2, 5))
 def test_several_looks_a_step_are_samples_of_the_path(pairs, seed, count):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(nearest, "_DENSE", pairs)
+        patch.setattr(between_samples, "DENSE", pairs)
         rng = np.random.default_rng(seed)
         position, velocity = random_motion(rng, 5, 2)
         cell, radius, weight = grid(4, 2.5), rng.uniform(0.5, 1.0, (2, 1)), np.ones((1, 16))

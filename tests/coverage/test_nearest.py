@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpc_cover.coverage.nearest import nearest_samples, pairwise_distance
+from mpc_cover.coverage.nearest import nearest_samples
+from mpc_cover.coverage.nearest_points import pairwise_distance
 
 
 def test_fewer_samples_than_asked_for_are_padded_with_never():

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from mpc_cover.model.motion import path_extremes, roll_out
+from mpc_cover.model.motion import path_extremes, roll_out, time_from_rest
 
 
 @given(seed=st.integers(0, 10**6), period=st.floats(0.01, 2.0), steps=st.integers(1, 8))
@@ -38,3 +38,8 @@ def test_the_extremes_of_a_path_are_those_of_a_dense_look(seed, period):
     assert (high >= path.max(axis=0) - 1e-12).all()
     assert low == pytest.approx(path.min(axis=0), abs=1e-4)
     assert high == pytest.approx(path.max(axis=0), abs=1e-4)
+
+
+def test_the_least_time_from_rest_is_that_of_accelerating_then_cruising():
+    time = time_from_rest(np.array([0.0, 0.5, 0.75, 3.0]), 1.5, 1.5)
+    np.testing.assert_allclose(time, [0.0, np.sqrt(2.0 / 3.0), 1.0, 0.5 + 2.0])

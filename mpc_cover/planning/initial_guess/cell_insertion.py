@@ -12,7 +12,7 @@ import numpy as np
 
 from mpc_cover.model.sensing import TIE
 from mpc_cover.model.tolerances import DIVISOR_MIN
-from mpc_cover.planning.initial_guess.path_shortening import path_length
+from mpc_cover.planning.initial_guess.path_geometry import path_length
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray

@@ -13,6 +13,7 @@ planner flies them only where no passively safe plan is sufficient.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice, permutations
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,6 @@ import numpy as np
 
 from mpc_cover.constraints.graph import bottleneck, fleet_trees
 from mpc_cover.constraints.pairs import all_pairs
-from mpc_cover.model.motion import roll_out
 from mpc_cover.model.tolerances import AT_REST
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.initial_guess.formation_lanes import Sensor, formation_lanes, needed_width
@@ -35,7 +35,7 @@ from mpc_cover.planning.task import End
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.arrays import BoolArray, FloatArray, IntArray
     from mpc_cover.planning.task import Task
 
 _LANES_MAX = 1.5
@@ -133,6 +133,19 @@ class Formation:
     links: IntArray
     fixed: IntArray
 
+    @cached_property
+    def edges(self) -> IntArray:
+        """(a-1+L, 2) all pairs that must stay within range."""
+        return np.concatenate([self.links, self.fixed])
+
+    @cached_property
+    def linked(self) -> BoolArray:
+        """(pairs,) which pairs those are, over `constraints.pairs.all_pairs`."""
+        count = len(self.task.fleet.active)
+        table = np.zeros((count, count), dtype=bool)
+        table[self.edges.min(axis=1), self.edges.max(axis=1)] = True
+        return np.asarray(table[all_pairs(count)])
+
     @property
     def start(self) -> FloatArray:
         """(a, d) positions of the active agents [m]."""
@@ -198,9 +211,8 @@ class Formation:
         velocity = fly_polyline(corners, *limits, self.task.period, stopping)
         whole = np.zeros((len(velocity), *self.task.position.shape))
         whole[:, active] = velocity
-        inputs = np.diff(whole, axis=0) / self.task.period
-        position, _ = roll_out(self.task.position, whole[0], inputs, self.task.period)
-        return Trajectory.even(self.task.start_time, self.task.period, position, whole, inputs)
+        start = self.task.position, whole[0]
+        return Trajectory.from_velocities(*start, whole[1:], self.task.start_time, self.task.period)
 
     def room(self, shape: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return where the centre of a shape (a, d) [m] relative to it may be: low and high corners (d,) [m]."""

@@ -10,7 +10,7 @@ import numpy as np
 from mpc_cover.constraints.graph import bottleneck, fleet_trees
 from mpc_cover.constraints.pairs import all_pairs
 from mpc_cover.planning.initial_guess.guess import Guess, GuessKind
-from mpc_cover.planning.initial_guess.path_shortening import path_length
+from mpc_cover.planning.initial_guess.path_geometry import path_length, points_along
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -38,7 +38,7 @@ def needed_range(task: Task, guess: Guess) -> float:
     times = _flight_times(task, guess)
     instant = np.linspace(0.0, float(times.max()), _INSTANTS)
     paths = zip(_approached(task, guess), task.fleet.speed_max, strict=True)
-    position = np.stack([_along(path, instant * float(speed)) for path, speed in paths], axis=1)
+    position = np.stack([points_along(path, instant * float(speed)) for path, speed in paths], axis=1)
     one, two = all_pairs(task.fleet.size)
     distance = np.linalg.norm(position[:, one] - position[:, two], axis=2)
     return float(bottleneck(distance, fleet_trees(distance, task.fleet)).max(initial=0.0))
@@ -74,9 +74,3 @@ def _approached(task: Task, guess: Guess) -> list[FloatArray]:
 
 def _flight_times(task: Task, guess: Guess) -> FloatArray:
     return np.array([path_length(path) for path in _approached(task, guess)]) / task.fleet.speed_max
-
-
-def _along(path: FloatArray, position: FloatArray) -> FloatArray:
-    """Return the points (N, d) [m] at lengths (N,) [m] along a path."""
-    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    return np.stack([np.interp(position, at, path[:, axis]) for axis in range(path.shape[1])], axis=1)

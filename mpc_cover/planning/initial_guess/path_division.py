@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mpc_cover.planning.initial_guess.lanes import assign_times
-from mpc_cover.planning.initial_guess.path_shortening import leg_distance
+from mpc_cover.planning.initial_guess.path_geometry import leg_distance, lengths_along, points_along
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,7 +33,7 @@ class Part(NamedTuple):
 
 def path_position(path: FloatArray, cell: FloatArray) -> FloatArray:
     """Return for each of the (K, d) cells [m] the length along the (W, d) path [m] at which it is passed nearest."""
-    at = _lengths(path)
+    at = lengths_along(path)
     nearest, position = np.full(len(cell), np.inf), np.zeros(len(cell))
     for k in range(len(path) - 1):
         distance, part = leg_distance(cell, path[k], path[k + 1])
@@ -53,7 +53,7 @@ def divided(
     arrive there last.
     """
     position = np.unique(path_position(path, cell))
-    place = _places(path, position)
+    place = points_along(path, position)
     away = np.linalg.norm(start[:, None] - place[None], axis=2)
     best_time: float = np.inf
     best: list[Part | None] = [None] * len(start)
@@ -72,7 +72,7 @@ def in_file(path: FloatArray, start: FloatArray) -> list[FloatArray]:
     """
     if np.linalg.norm(start - path[-1], axis=1).min() < np.linalg.norm(start - path[0], axis=1).min():
         path = path[::-1]
-    length, order = _lengths(path)[-1], _file_order(path[0], start)
+    length, order = lengths_along(path)[-1], _file_order(path[0], start)
     lag = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(start[order], axis=0), axis=1))])
     flown = list(start[:, None])
     for rank, agent in enumerate(order):
@@ -156,18 +156,8 @@ def _piece(path: FloatArray, here: FloatArray, part: Part | None) -> FloatArray:
     """Return the waypoints (W, d) [m] of a part in the direction of flight; of none, where the agent is."""
     if part is None:
         return here[None]
-    at = _lengths(path)
+    at = lengths_along(path)
     inside = path[(at > part.low) & (at < part.high)]
-    ends = _places(path, np.array([part.low, part.high]))
+    ends = points_along(path, np.array([part.low, part.high]))
     piece = np.concatenate([ends[:1], inside, ends[1:]])
     return piece[::-1] if part.backward else piece
-
-
-def _lengths(path: FloatArray) -> FloatArray:
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-
-
-def _places(path: FloatArray, position: FloatArray) -> FloatArray:
-    """Return the points (P, d) [m] at lengths (P,) [m] along the path."""
-    at = _lengths(path)
-    return np.stack([np.interp(position, at, path[:, a]) for a in range(path.shape[1])], axis=1)

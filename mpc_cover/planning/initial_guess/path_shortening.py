@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.model.tolerances import DIVISOR_MIN
+from mpc_cover.planning.initial_guess.path_geometry import leg_distance, path_length
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -27,18 +28,6 @@ _SIZE_MAX = 4_000_000
 """Legs times cells above which a path is left as it is; a plain choice that bounds time and memory."""
 _ROUNDING = 1e-9
 """Relative tolerance of distances to the path; a plain choice."""
-
-
-def leg_distance(cell: FloatArray, begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return distances (K,) [m] of (K, d) cells [m] to the leg between two points, and the part of it passed there."""
-    leg = end - begin
-    part = np.clip((cell - begin) @ leg / max(float(leg @ leg), DIVISOR_MIN), 0.0, 1.0)
-    return np.linalg.norm(cell - begin - part[:, None] * leg, axis=1), part
-
-
-def path_length(path: FloatArray) -> float:
-    """Return the length [m] of a path (W, d) [m]."""
-    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def shortened(path: FloatArray, cell: FloatArray, distance: float) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.coverage.nearest import pairwise_distance
+from mpc_cover.coverage.nearest_points import pairwise_distance
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray

@@ -19,7 +19,7 @@ from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mpc_cover.arrays import BoolArray, FloatArray
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.task import Task
 
@@ -82,7 +82,6 @@ def tow(formation: Formation, shape: FloatArray, leader: int, goal: FloatArray) 
     way: list[FloatArray] = []
     length = whole = _STEP * formation.sensor.radius
     aim = np.clip(goal, formation.task.fleet.motion_min, formation.task.fleet.motion_max)
-    edges = np.concatenate([formation.links, formation.fixed])
     for _ in range(_STEPS_MAX):
         ahead = aim - shape[leader]
         distance = float(np.linalg.norm(ahead))
@@ -91,7 +90,7 @@ def tow(formation: Formation, shape: FloatArray, leader: int, goal: FloatArray) 
         moved = shape.copy()
         moved[leader] += ahead * min(1.0, length / max(distance, DIVISOR_MIN))
         after = _followed(formation, moved, leader)
-        if formation.distances.hold([shape, after], edges):
+        if formation.distances.hold([shape, after], formation.edges):
             shape, length = after, min(2.0 * length, whole)
             way.append(shape)
         elif (length := 0.5 * length) < _STEP_SHARE_MIN * whole:
@@ -104,13 +103,12 @@ def _followed(formation: Formation, shape: FloatArray, leader: int) -> FloatArra
     one, two = all_pairs(len(shape))
     least, reach = formation.distances.least, formation.distances.reach
     gap = np.maximum(reach - least, 0.0)
-    linked = _linked(formation, len(shape))
     low, high = formation.task.fleet.motion_min, formation.task.fleet.motion_max
     shape = shape.copy()
     for _ in range(_SWEEPS):
         apart = shape[one] - shape[two]
         length = np.maximum(np.linalg.norm(apart, axis=1), DIVISOR_MIN)
-        most = np.where(linked, reach - _RESERVE * gap, np.inf)
+        most = np.where(formation.linked, reach - _RESERVE * gap, np.inf)
         wanted = np.clip(length, least + _RESERVE * gap, most)
         wrong = wanted - length
         if not (np.abs(wrong) > DIVISOR_MIN).any():
@@ -122,11 +120,3 @@ def _followed(formation: Formation, shape: FloatArray, leader: int) -> FloatArra
         np.add.at(move, two, np.where(still_two, 0.0, -np.where(still_one, 2.0 * push, push)))
         shape = np.clip(shape + _RELAXATION * move, low, high)
     return shape
-
-
-def _linked(formation: Formation, count: int) -> BoolArray:
-    """Return (pairs,) which pairs must stay linked."""
-    table = np.zeros((count, count), dtype=bool)
-    edges = np.concatenate([formation.links, formation.fixed])
-    table[edges.min(axis=1), edges.max(axis=1)] = True
-    return np.asarray(table[all_pairs(count)])

@@ -31,6 +31,14 @@ JUMP_M = 0.01
 """A position may differ by this much more from the last than the agent's speed limit allows [m]."""
 
 
+def planned_state(state: State) -> tuple[FloatArray, FloatArray]:
+    """Return the state by an agent's plans, (d,) [m], [m/s]: the reference that it tracks, else the measured state."""
+    position, velocity = state.reference_position, state.reference_velocity
+    if position is None or velocity is None:
+        position, velocity = state.position, state.velocity
+    return np.array(position), np.array(velocity)
+
+
 @dataclass
 class AgentLink:
     """The controller's link to one agent: its newest state, and the offset of its clock.
@@ -87,10 +95,7 @@ class AgentLink:
     def planned(self) -> tuple[FloatArray, FloatArray]:
         """Return its state by its plans, (d,) [m], [m/s]: the reference that it tracks, else the measured state."""
         assert self.state is not None
-        position, velocity = self.state.reference_position, self.state.reference_velocity
-        if position is None or velocity is None:
-            return self.measured()
-        return np.array(position), np.array(velocity)
+        return planned_state(self.state)
 
     def measured(self) -> tuple[FloatArray, FloatArray]:
         """Return its measured state, (d,) [m], [m/s]."""

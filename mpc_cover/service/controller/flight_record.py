@@ -12,6 +12,7 @@ import numpy as np
 
 from mpc_cover.model.tube import start_tolerance
 from mpc_cover.service.agent.schedule import Plant, Schedule
+from mpc_cover.service.controller.fleet_monitor import planned_state
 from mpc_cover.service.controller.plan_publisher import UnknownPlanError
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from mpc_cover.mission.fleet import Fleet
     from mpc_cover.service.agent.recorder import Recorder
     from mpc_cover.service.agent.schedule import ScheduledPlan
-    from mpc_cover.service.agent.vehicle import MotionState
     from mpc_cover.service.controller.fleet_monitor import AgentLink
     from mpc_cover.service.protocol.messages import PlanRef, State
 
@@ -53,14 +53,14 @@ class FlightRecord:
                 return
             for time_s, position, velocity, force, ref in self._between(index, before, after):
                 self._recorders[index].piece(self._at(index, time_s + link.offset), position, velocity, force, ref)
-        self._recorders[index].mark(self._at(index, after.time_s + link.offset), *_planned(after))
+        self._recorders[index].mark(self._at(index, after.time_s + link.offset), *planned_state(after))
 
     def close(self, links: Sequence[AgentLink], now_s: float) -> None:
         """End the records at `now_s` of the controller's clock [s], where those who are at rest still are."""
         for index, link in enumerate(links):
             if link.state is not None:
                 end_s = now_s if link.state.at_rest else link.measured_s()
-                self._recorders[index].close(self._at(index, end_s), *_planned(link.state))
+                self._recorders[index].close(self._at(index, end_s), *planned_state(link.state))
 
     def _at(self, index: int, time_s: float) -> float:
         """Return a time of the record, which never runs backwards: offsets of clocks are corrected before a flight."""
@@ -74,7 +74,7 @@ class FlightRecord:
         def log(*piece: float | FloatArray | PlanRef | None) -> None:
             pieces.append(piece)  # type: ignore[arg-type]
 
-        plant = Plant(before.time_s, *_planned(before), log)
+        plant = Plant(before.time_s, *planned_state(before), log)
         try:
             schedule = Schedule(float(self._input_max[index]), self._find(index, before.plan))
             for ref in dict.fromkeys((before.next_plan, after.plan)):
@@ -83,21 +83,14 @@ class FlightRecord:
         except UnknownPlanError:
             return _fitted(before, after)
         plant.advance(after.time_s, schedule)
-        position, velocity = _planned(after)
+        position, velocity = planned_state(after)
         off = max(np.abs(plant.position - position).max(), np.abs(plant.velocity - velocity).max())
         return pieces if off <= self._tolerance else _fitted(before, after)
 
 
-def _planned(state: State) -> MotionState:
-    """Return the state by an agent's plans, (d,) [m], [m/s]: the reference that it tracks, else the measured state."""
-    position = state.position if state.reference_position is None else state.reference_position
-    velocity = state.velocity if state.reference_velocity is None else state.reference_velocity
-    return np.array(position), np.array(velocity)
-
-
 def _fitted(before: State, after: State) -> list[_Piece]:
     """Return two pieces of equal duration that lead from one report to the next."""
-    (q, v), (later_q, later_v) = _planned(before), _planned(after)
+    (q, v), (later_q, later_v) = planned_state(before), planned_state(after)
     half = 0.5 * (after.time_s - before.time_s)
     if half <= 0.0:
         return []

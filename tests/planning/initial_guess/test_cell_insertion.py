@@ -9,7 +9,7 @@ import pytest
 from flights import fleet_of
 
 from mpc_cover.planning.initial_guess.cell_insertion import with_cells
-from mpc_cover.planning.initial_guess.path_shortening import leg_distance, path_length
+from mpc_cover.planning.initial_guess.path_geometry import leg_distance, path_length
 
 LINE = np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0], [30.0, 0.0]])
 START = np.array([[0.0, 0.0], [0.0, 20.0]])

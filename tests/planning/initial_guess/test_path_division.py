@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mpc_cover.planning.initial_guess.path_division import divided, path_position
-from mpc_cover.planning.initial_guess.path_shortening import path_length, shortened
+from mpc_cover.planning.initial_guess.path_geometry import path_length
+from mpc_cover.planning.initial_guess.path_shortening import shortened
 
 LINE = np.array([[0.0, 0.0], [60.0, 0.0]])
 CELL = np.stack([np.linspace(0.0, 60.0, 241), np.zeros(241)], axis=1)

@@ -7,7 +7,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from mpc_cover.planning.initial_guess.path_shortening import path_length
+from mpc_cover.planning.initial_guess.path_geometry import path_length
 from mpc_cover.planning.initial_guess.segment_tour import segment_tour
 
 

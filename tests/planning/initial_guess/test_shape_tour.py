@@ -13,7 +13,7 @@ from shapes import SHAPES, ring
 from mpc_cover.planning.initial_guess.boustrophedon import sweep_guesses
 from mpc_cover.planning.initial_guess.guess import GuessKind
 from mpc_cover.planning.initial_guess.path_comparison import needed_range, shorter
-from mpc_cover.planning.initial_guess.path_shortening import leg_distance, path_length
+from mpc_cover.planning.initial_guess.path_geometry import leg_distance, path_length
 from mpc_cover.planning.initial_guess.shape_tour import ShapeTour
 from mpc_cover.planning.multistart import systematic_guesses
 from mpc_cover.planning.task import Task
