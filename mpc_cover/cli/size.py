@@ -44,7 +44,7 @@ def size(
     console = console_for(as_json=as_json)
 
     def show(text: str) -> None:
-        console.print(text, highlight=False, markup=False, soft_wrap=True)
+        console.print(text, highlight=False, markup=False, soft_wrap=not console.is_terminal)
 
     problem = sizing_problem(area, radius, speed, cover)
     options = SizingOptions(rate, parse_numbers(agents), seeds, horizon_seeds, seed)

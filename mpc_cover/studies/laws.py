@@ -25,13 +25,13 @@ from mpc_cover.studies.measure import measured
 from mpc_cover.studies.runs import Run
 from mpc_cover.studies.starts import Starts
 from mpc_cover.studies.thesis_study import in_parallel
+from mpc_cover.view.terminal_table import terminal_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from rich.console import Console
-    from rich.table import Table
 
     from mpc_cover.mission.load import Mission
 
@@ -149,24 +149,18 @@ def run_laws(options: LawsOptions, out: Path | None, console: Console) -> list[L
         console.print(f"{text}, took {run.wall_s:.1f} s", highlight=False, markup=False, soft_wrap=True)
     runs.sort(key=lambda run: (run.mission, run.law, run.seed))
     for flown in dict.fromkeys(run.mission for run in runs):
-        console.print(table_of(flown, [run for run in runs if run.mission == flown]))
+        print_table(flown, [run for run in runs if run.mission == flown], console)
     if out is not None:
         _write(out, runs)
     return runs
 
 
-def table_of(mission: str, runs: Sequence[LawRun]) -> Table:
-    """Return a table of the medians over the seeds of a mission, a column for each law."""
-    from rich.table import Table as RichTable  # noqa: PLC0415 - only here
-
-    table = RichTable(title=f"{mission}: medians over {len({run.seed for run in runs})} seeds", title_justify="left")
-    table.add_column("")
+def print_table(mission: str, runs: Sequence[LawRun], console: Console) -> None:
+    """Print a table of the medians over the seeds of a mission, a column for each law."""
     by_law = {law: [run for run in runs if run.law == law] for law in LAWS}
-    for name in LAWS.values():
-        table.add_column(name, justify="right")
-    for label, value in _ROWS:
-        table.add_row(label, *(value(by_law[law]) for law in LAWS))
-    return table
+    rows = [[label, *(value(by_law[law]) for law in LAWS)] for label, value in _ROWS]
+    title = f"{mission}: medians over {len({run.seed for run in runs})} seeds"
+    console.print(terminal_table(title, ["", *LAWS.values()], rows, console.width))
 
 
 def _median(runs: Sequence[LawRun], name: str, form: str, scale: float = 1.0) -> str:
