@@ -12,6 +12,7 @@ from mpc_cover.cli.options import (
     CpuTime,
     Json,
     OptionalMission,
+    Overwrite,
     check_backend,
     check_seconds,
     console_for,
@@ -19,6 +20,7 @@ from mpc_cover.cli.options import (
     print_json,
 )
 from mpc_cover.errors import UserError
+from mpc_cover.output import any_of, check_folder, output_path
 
 if TYPE_CHECKING:
     from mpc_cover.studies.race import Run
@@ -46,6 +48,7 @@ def planner(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for bench.json, bench.csv and figures.")
     ] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Solve a mission with our planner and with general-purpose solvers, each judged by the same verifier."""
@@ -59,7 +62,7 @@ def planner(
     loaded, console, limit = load(mission), console_for(as_json=as_json), Limit(time_limit, cpu_time)
     require_double(loaded)  # the planner cannot plan for single integrators
     if out is not None:
-        benchmark.check_folder(out)
+        check_folder(output_path(out, out, any_of("bench.json", "bench.csv", "bench-*.png"), overwrite=overwrite))
     with console.status("starting") as status:
 
         def show(name: str, run: Run) -> None:

@@ -9,7 +9,17 @@ from typing import Annotated
 
 import typer
 
-from mpc_cover.cli.options import Backend, Json, Seed, check_backend, check_seconds, console_for, finish, print_json
+from mpc_cover.cli.options import (
+    Backend,
+    Json,
+    Overwrite,
+    Seed,
+    check_backend,
+    check_seconds,
+    console_for,
+    finish,
+    print_json,
+)
 from mpc_cover.errors import UserError
 from mpc_cover.exit_status import exit_status
 
@@ -32,8 +42,12 @@ def plan(
         Path | None, typer.Option("--all", metavar="DIR", help="Plan every mission of a folder instead.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Trajectory file, or with --all the folder; default plan.npz, plans.")
+        Path | None,
+        typer.Option(
+            "--out", help="Trajectory file, or with --all the folder; default plan.npz, plan-2.npz, ...; plans."
+        ),
     ] = None,
+    overwrite: Overwrite = False,
     starts: Annotated[int, typer.Option("--starts", min=1, max=1000, help="Guesses to tell apart.")] = 10,
     time_limit: Annotated[
         float | None, typer.Option("--time-limit", help="Seconds to search; whatever the limit, the result holds.")
@@ -55,7 +69,7 @@ def plan(
     Ctrl-C ends the search: the best plan found until then is written, and the exit status is 130.
     """
     from mpc_cover.planning.offline import PlanOptions  # noqa: PLC0415 - --help needs none of these
-    from mpc_cover.studies.plans import plan_files  # noqa: PLC0415
+    from mpc_cover.studies.plans import plan_files, plan_targets  # noqa: PLC0415
 
     check_backend(backend)
     if time_limit is not None:
@@ -67,7 +81,8 @@ def plan(
     options = PlanOptions(backend, seed, starts, time_limit, min_time, cones == Cones.EXACT, keep_on_interrupt=True)
     console, several = console_for(as_json=as_json), everything is not None
     try:
-        results = plan_files(everything or mission or "box-3", out, options, console, folder=several, profile=profile)
+        files = plan_targets(everything or mission or "box-3", out, folder=several, overwrite=overwrite)
+        results = plan_files(files, options, console, profile=profile)
     except KeyboardInterrupt:
         sys.stderr.write("mpc-cover: interrupted before any plan was found: nothing is written\n")
         raise typer.Exit(exit_status(interrupted=True)) from None

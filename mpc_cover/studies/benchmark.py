@@ -122,21 +122,6 @@ def write_benchmark(folder: Path, mission: Mission, races: list[Race], limit: Li
     return files
 
 
-def check_folder(folder: Path) -> None:
-    """Check before the work that a folder can be written.
-
-    Raises
-    ------
-    UserError
-        It cannot.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "bench.json").touch()
-    except OSError as error:
-        raise UserError(f"--out {folder}: cannot be written: {error.strerror or error}") from None
-
-
 def as_dict(mission: Mission, races: list[Race], limit: Limit) -> dict[str, Any]:
     """Return everything as plain data for `--json` and bench.json; what is not finite becomes None."""
     return {

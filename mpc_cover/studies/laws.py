@@ -20,6 +20,7 @@ from mpc_cover.control.controller_name import ControllerName
 from mpc_cover.errors import UserError
 from mpc_cover.mission.config import Dynamics
 from mpc_cover.mission.load import load_mission
+from mpc_cover.output import any_of, check_folder, output_path
 from mpc_cover.studies.controllers import BACKEND, check_flight, controller_of, run_flight
 from mpc_cover.studies.measure import measured
 from mpc_cover.studies.runs import Run
@@ -97,6 +98,7 @@ class LawsOptions:
     starts: str = Starts.RANDOM
     backend: str = "piqp"
     jobs: int = 1
+    overwrite: bool = False
 
 
 def fly_law(run: Run) -> LawRun:
@@ -133,10 +135,7 @@ def run_laws(options: LawsOptions, out: Path | None, console: Console) -> list[L
     for mission, name in zip(missions, options.missions, strict=True):
         _check(mission, name, options.backend)
     if out is not None:
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UserError(f"--out {out}: cannot be made: {error.strerror or error}") from None
+        check_folder(output_path(out, out, any_of("laws.csv", "laws.json"), overwrite=options.overwrite))
     tasks = [
         (_run_of(mission, law, seed, options),) for mission in missions for seed in range(options.seeds) for law in LAWS
     ]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import cProfile
+import glob
 import math
 import pstats
-import tempfile
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 from mpc_cover.control.factory import require_double
 from mpc_cover.errors import UnreadableFileError, UserError
 from mpc_cover.mission.load import load_mission
+from mpc_cover.output import any_of, check_folder, file_taken, output_path
 from mpc_cover.planning.offline import PlanOptions, plan_mission
 from mpc_cover.trajectory_file import save_trajectory
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.summary import RunSummary, summarise
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from rich.console import Console
 
@@ -30,10 +31,37 @@ _PROFILED = 18
 """Lines of a profile."""
 
 
+def plan_targets(what: str | Path, out: Path | None, *, folder: bool, overwrite: bool) -> list[tuple[str, Path]]:
+    """Return the missions to plan, one or every one of a folder, each with the file that its plan is to be written to.
+
+    Raises
+    ------
+    UserError
+        A folder without missions, a mission that nobody can plan, or a file that cannot or must not be written.
+    """
+    if not folder:
+        file = output_path(out, Path("plan.npz"), file_taken, overwrite=overwrite)
+        if file.suffix != ".npz":
+            raise UserError(f"--out {file}: must end in .npz")
+        if file.is_dir() or not file.parent.is_dir():
+            raise UserError(f"--out {file}: cannot be written: must be a file in a folder that exists")
+        check_folder(file.parent)
+        return [(str(what), file)]
+    missions = sorted(Path(what).glob("*.yaml")) if Path(what).is_dir() else []
+    if not missions:
+        raise UnreadableFileError(f"--all {what}: is no folder with missions (*.yaml)")
+    for mission in missions:
+        _plannable(str(mission))  # every mistake before the first hour of work
+    taken = any_of(*(f"{glob.escape(mission.stem)}.npz" for mission in missions))
+    target = output_path(out, Path("plans"), taken, overwrite=overwrite)
+    check_folder(target)
+    return [(str(mission), target / f"{mission.stem}.npz") for mission in missions]
+
+
 def plan_files(
-    what: str | Path, out: Path | None, options: PlanOptions, console: Console, *, folder: bool, profile: bool
+    targets: Sequence[tuple[str, Path]], options: PlanOptions, console: Console, *, profile: bool
 ) -> list[tuple[RunSummary, dict[str, Any]]]:
-    """Plan one mission, or every mission of a folder; verify and write each; return summaries and extras.
+    """Plan missions, verify and write each; return summaries and extras.
 
     A plan that the verifier refuses is not written: its extra names no file. Ctrl-C ends the search for a plan: the
     best one so far is written, and no other mission is planned.
@@ -41,23 +69,11 @@ def plan_files(
     Raises
     ------
     UserError
-        A folder without missions, or a file that cannot be written; before the work where possible.
+        No plan was found, or a file cannot be written.
     """
-    if not folder:
-        file = out or Path("plan.npz")
-        _check_writable(file)
-        return [_plan(str(what), file, options, console, profile=profile)]
-    missions = sorted(Path(what).glob("*.yaml")) if Path(what).is_dir() else []
-    if not missions:
-        raise UnreadableFileError(f"--all {what}: is no folder with missions (*.yaml)")
-    for mission in missions:
-        _plannable(str(mission))  # every mistake before the first hour of work
-    target = out or Path("plans")
-    _make_folder(target)
-    files = [target / f"{mission.stem}.npz" for mission in missions]
     results: list[tuple[RunSummary, dict[str, Any]]] = []
-    for mission, file in zip(missions, files, strict=True):
-        results.append(_plan(str(mission), file, options, console, profile=profile))
+    for mission, file in targets:
+        results.append(_plan(mission, file, options, console, profile=profile))
         if results[-1][1]["interrupted"]:
             break
     return results
@@ -110,22 +126,3 @@ def _profiled(console: Console, *, wanted: bool) -> Iterator[None]:
     for (path, _, function), (_, calls, own, _, _) in sorted(stats.items(), key=lambda item: -item[1][2])[:_PROFILED]:
         place = "/".join(Path(path).parts[-2:])
         console.print(f"{own:8.3f} s {own / total:6.1%} {calls:8d}  {place}:{function}", highlight=False, markup=False)
-
-
-def _check_writable(file: Path) -> None:
-    if file.suffix != ".npz":
-        raise UserError(f"--out {file}: must end in .npz")
-    if file.is_dir() or not file.parent.is_dir():
-        raise UserError(f"--out {file}: cannot be written: must be a file in a folder that exists")
-    try:
-        with tempfile.TemporaryFile(dir=file.parent):
-            pass
-    except OSError as error:
-        raise UserError(f"--out {file}: cannot be written: {error.strerror or error}") from None
-
-
-def _make_folder(target: Path) -> None:
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {target}: cannot be made: {error.strerror or error}") from None

@@ -10,12 +10,14 @@ import hashlib
 import shutil
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from mpc_cover.errors import UserError
 from mpc_cover.mission.load import load_mission
+from mpc_cover.output import output_path
 from mpc_cover.studies.thesis_page import thesis_page
 from mpc_cover.studies.thesis_parts import Part, PartResult, all_parts
 from mpc_cover.studies.thesis_seeds import SeedTally, run_seeds, tally
@@ -38,6 +40,7 @@ class ThesisOptions:
     seeds: int = 0
     only: tuple[str, ...] = ()
     jobs: int = 1
+    overwrite: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,7 @@ def run_thesis(out: Path, options: ThesisOptions, console: Console, command: str
         There is no such figure, or the folder cannot be written.
     """
     parts = chosen_parts(options.only)
+    output_path(out, out, partial(_foreign, parts=parts, seed=options.seed), overwrite=options.overwrite)
     try:
         (out / "parts").mkdir(parents=True, exist_ok=True)
         results = _drawn(out / "parts", parts, options, console)
@@ -161,6 +165,22 @@ def _finished(folder: Path, part: Part, seed: int) -> PartResult | None:
         return None
     whole = all((place / panel.file).is_file() for panel in found.panels)
     return found if whole and found.stamp == _stamp(part, seed) else None
+
+
+def _foreign(out: Path, parts: Sequence[Part], seed: int) -> Path | None:
+    """Return what a folder holds that would be lost: a page of something else, or a part of another seed or version."""
+    page = out / "index.html"
+    if page.is_file() and not (out / "parts").is_dir():
+        return page
+    for part in parts:
+        file = out / "parts" / part.key / _FILE
+        try:
+            found = msgspec.json.decode(file.read_bytes(), type=PartResult)
+        except (OSError, msgspec.MsgspecError):
+            continue
+        if found.stamp != _stamp(part, seed):
+            return file
+    return None
 
 
 def _stamp(part: Part, seed: int) -> str:

@@ -31,7 +31,7 @@ def test_a_plan_that_the_verifier_refuses_is_not_written(run, quick, tmp_path, m
         return replace(plan, position=plan.position + 100.0)
 
     monkeypatch.setattr("mpc_cover.studies.plans.plan_mission", through_the_wall)
-    status, out, err = run("plan", quick, "--out", "p.npz", "--json")
+    status, out, err = run("plan", quick, "--out", "p.npz", "--overwrite", "--json")
     assert (status, json.loads(out)["file"]) == (1, None)
     assert "not written: it does not pass the verifier" in err
     assert (tmp_path / "p.npz").read_bytes() == before
