@@ -23,11 +23,14 @@ def check(
     from mpc_cover.trajectory_file import load_trajectory  # noqa: PLC0415
     from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
     from mpc_cover.verification.summary import summarise  # noqa: PLC0415
+    from mpc_cover.view.progress import ProgressLine  # noqa: PLC0415
     from mpc_cover.view.tables import print_area_seen, print_report  # noqa: PLC0415
 
     trajectory = load_trajectory(find_trajectory(file))
-    report = check_trajectory(trajectory)
-    summary = summarise(trajectory, report)
+    with ProgressLine() as line:
+        line.begin(f"verifies {file}")
+        report = check_trajectory(trajectory)
+        summary = summarise(trajectory, report)
     console = console_for(as_json=as_json)
     print_report(report, console, summary.information)
     print_area_seen(summary, console)

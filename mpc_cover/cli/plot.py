@@ -23,11 +23,15 @@ def plot(
     from mpc_cover.trajectory_file import load_trajectory  # noqa: PLC0415
     from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
     from mpc_cover.view.figures import FIGURES, draw_run  # noqa: PLC0415
+    from mpc_cover.view.progress import ProgressLine  # noqa: PLC0415
 
     file = find_trajectory(path)
     trajectory = load_trajectory(file)
     beside = path / "plot" if path.is_dir() else file.with_suffix("")
     folder = output_path(out, beside, any_of(*FIGURES), overwrite=overwrite)
-    files = draw_run(trajectory, folder, read_step_times(file.parent), check_trajectory(trajectory))
+    step_times = read_step_times(file.parent)
+    with ProgressLine() as line:
+        line.begin(f"verifies and draws {file}")
+        files = draw_run(trajectory, folder, step_times, check_trajectory(trajectory))
     for drawn in files:
         typer.echo(drawn)

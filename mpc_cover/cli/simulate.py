@@ -77,7 +77,7 @@ def _fly_centralised(
     from mpc_cover.service.run.run_folder import step_times_of  # noqa: PLC0415
     from mpc_cover.service.run.simulate import simulate as run_simulation  # noqa: PLC0415
 
-    with Progress(console) as progress:
+    with Progress() as progress:
         result = run_simulation(
             mission, backend=backend, seed=seed, deaths=deaths, on_tick=progress.show, keep_on_interrupt=True
         )
@@ -102,7 +102,7 @@ def _fly_distributed(
     from mpc_cover.service.run.progress import Progress  # noqa: PLC0415
     from mpc_cover.service.run.swarm_simulate import fly_swarm  # noqa: PLC0415
 
-    with Progress(console) as progress:
+    with Progress() as progress:
         flight = fly_swarm(mission, seed=seed, deaths=deaths, on_tick=progress.show, keep_on_interrupt=True)
     console.print(flight.outcome, highlight=False, markup=False, soft_wrap=True)
     times = np.array([time_s for each in flight.decision_times_s.values() for time_s in each])

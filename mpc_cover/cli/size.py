@@ -41,6 +41,7 @@ def size(
         sizing_problem,
     )
     from mpc_cover.studies.sizing_study import size as answer_of  # noqa: PLC0415
+    from mpc_cover.view.progress import ProgressLine  # noqa: PLC0415
 
     console = console_for(as_json=as_json)
 
@@ -51,7 +52,8 @@ def size(
     options = SizingOptions(rate, parse_numbers(agents), seeds, horizon_seeds, seed)
     if out is not None:
         check_folder(output_path(out, out, any_of("size.json", "figure-1.[12]*.png"), overwrite=overwrite))
-    answer = answer_of(problem, options, show)
+    with ProgressLine() as line:
+        answer = answer_of(problem, options, line.begin)
     show(answer.text)
     for file in draw_sizing(answer, out) if out is not None else []:
         show(f"written to {file}")

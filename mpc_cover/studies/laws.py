@@ -23,6 +23,7 @@ from mpc_cover.mission.load import load_mission
 from mpc_cover.output import any_of, check_folder, output_path
 from mpc_cover.studies.controllers import BACKEND, check_flight, controller_of, run_flight
 from mpc_cover.studies.measure import measured
+from mpc_cover.studies.progress import CountedProgress
 from mpc_cover.studies.runs import Run
 from mpc_cover.studies.starts import Starts
 from mpc_cover.studies.thesis_study import in_parallel
@@ -140,12 +141,11 @@ def run_laws(options: LawsOptions, out: Path | None, console: Console) -> list[L
         (_run_of(mission, law, seed, options),) for mission in missions for seed in range(options.seeds) for law in LAWS
     ]
     runs: list[LawRun] = []
-    for run in in_parallel(fly_law, tasks, options.jobs):
-        runs.append(run)
-        text = (
-            f"{len(runs)} of {len(tasks)}  {run.mission}, {LAWS[run.law]}, seed {run.seed}: {run.covered_percent:g} %"
-        )
-        console.print(f"{text}, took {run.wall_s:.1f} s", highlight=False, markup=False, soft_wrap=True)
+    with CountedProgress(len(tasks)) as progress:
+        for run in in_parallel(fly_law, tasks, options.jobs):
+            runs.append(run)
+            text = f"{run.mission}, {LAWS[run.law]}, seed {run.seed}: {run.covered_percent:g} %"
+            progress.show(f"{text}, took {run.wall_s:.1f} s")
     runs.sort(key=lambda run: (run.mission, run.law, run.seed))
     for flown in dict.fromkeys(run.mission for run in runs):
         print_table(flown, [run for run in runs if run.mission == flown], console)

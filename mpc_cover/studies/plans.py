@@ -19,6 +19,7 @@ from mpc_cover.planning.offline import PlanOptions, plan_mission
 from mpc_cover.trajectory_file import save_trajectory
 from mpc_cover.verification.check import check_trajectory
 from mpc_cover.verification.summary import RunSummary, summarise
+from mpc_cover.view.progress import ProgressLine
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from mpc_cover.mission.load import Mission
+    from mpc_cover.planning.offline import SearchNews
 
 _PROFILED = 18
 """Lines of a profile."""
@@ -90,8 +92,15 @@ def _plan(
 ) -> tuple[RunSummary, dict[str, Any]]:
     mission = _plannable(name)
     begun = time.perf_counter()
-    with _profiled(console, wanted=profile), console.status(f"{mission.spec.name}: plans"):
-        trajectory = plan_mission(mission, options, on_progress=lambda line: console.print(line, highlight=False))
+    with _profiled(console, wanted=profile), ProgressLine() as line:
+
+        def show(news: SearchNews) -> None:
+            if news.result:
+                line.say(news.result)
+            line.show(news.state)
+
+        line.begin(f"plans {mission.spec.name}", options.time_limit_s)
+        trajectory = plan_mission(mission, options, on_progress=show)
     seconds = time.perf_counter() - begun
     report = check_trajectory(trajectory)
     summary = summarise(trajectory, report)
@@ -102,6 +111,7 @@ def _plan(
         f"J = {meta['cost_m']:.6g} m after {meta['subproblems']} subproblems from {meta['guess']}, "
         f"{seconds:.2f} s in all. {meta['stopped']}",
         highlight=False,
+        soft_wrap=not console.is_terminal,
     )
     kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual")
     margins = {check.name: check.margin for check in report.checks if math.isfinite(check.margin)}

@@ -18,6 +18,7 @@ import msgspec
 from mpc_cover.errors import UserError
 from mpc_cover.mission.load import load_mission
 from mpc_cover.output import output_path
+from mpc_cover.studies.progress import CountedProgress
 from mpc_cover.studies.thesis_page import thesis_page
 from mpc_cover.studies.thesis_parts import Part, PartResult, all_parts
 from mpc_cover.studies.thesis_seeds import SeedTally, run_seeds, tally
@@ -110,11 +111,12 @@ def _drawn(folder: Path, parts: list[Part], options: ThesisOptions, console: Con
     todo = [part for part in parts if part.key not in ready]
     if ready:
         console.print(f"{len(ready)} of {len(parts)} parts are there already", highlight=False)
-    for result in _made(folder, todo, options):
-        ready[result.key] = result
-        facts = [fact for panel in result.panels for fact in panel.facts]
-        text = f"{len(ready)} of {len(parts)}  {result.key}: {'; '.join(facts)}"
-        console.print(text, highlight=False, markup=False, soft_wrap=True)
+    with CountedProgress(len(todo), "parts") as progress:
+        for result in _made(folder, todo, options):
+            ready[result.key] = result
+            facts = [fact for panel in result.panels for fact in panel.facts]
+            progress.say(f"{len(ready)} of {len(parts)}  {result.key}: {'; '.join(facts)}")
+            progress.show(result.key)
     return [ready[part.key] for part in parts]
 
 
@@ -195,7 +197,7 @@ def _tallied(folder: Path, parts: list[Part], options: ThesisOptions, console: C
     if options.seeds == 0 or not flown:
         return []
     folder.mkdir(parents=True, exist_ok=True)
-    run_seeds(folder, flown, options.seeds, lambda tasks, fly: in_parallel(fly, tasks, options.jobs), console)
+    run_seeds(folder, flown, options.seeds, lambda tasks, fly: in_parallel(fly, tasks, options.jobs))
     tallies = [tally(folder, part, options.seeds) for part in flown]
     for tallied in tallies:
         console.print(tallied.text, highlight=False, markup=False, soft_wrap=True)
