@@ -88,7 +88,7 @@ def load_trajectory(source: RecordingSource) -> Recording:
 def plan(
     mission: MissionSource,
     *,
-    backend: str = "piqp",
+    backend: str = "native",
     seed: int = 0,
     starts: int = 10,
     time_limit_s: float | None = None,
@@ -103,7 +103,7 @@ def plan(
     Parameters
     ----------
     mission : of double integrators; its `planning` says for how long, and between which ends.
-    backend : QP back-end: piqp, clarabel or osqp.
+    backend : native, or the QP back-end of an SQP: piqp, clarabel or osqp.
     seed : of the random starts.
     starts : initial guesses that are told apart.
     time_limit_s : the search goes on until then [s] while anything is left over.
@@ -146,7 +146,7 @@ def simulate(
     Parameters
     ----------
     controller : mpc, the receding horizon; or potential, the distributed law, each agent by itself.
-    backend : QP back-end of mpc: piqp, which None stands for, clarabel or osqp.
+    backend : solver of mpc: native, which None stands for, piqp, clarabel or osqp.
     seed : of whatever is random: guesses, noise, gusts, the turns of the potential law.
     deaths : the mission times [s] at which agents die, by id, as if their processes were killed.
 
@@ -166,7 +166,7 @@ def simulate(
     check_deaths(killed, loaded)
     if controller == ControllerName.POTENTIAL:
         return _simulate_potential(loaded, seed, killed)
-    flown = fly(loaded, backend=backend or "piqp", seed=seed, deaths=killed)
+    flown = fly(loaded, backend=backend or "native", seed=seed, deaths=killed)
     times = np.array([step.tick_time_s for step in flown.steps if step.kind is StepKind.STEP], dtype=float)
     return SimulationResult(flown.trajectory, flown.complete, flown.outcome, flown.lost, times, tuple(flown.events))
 

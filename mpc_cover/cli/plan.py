@@ -47,7 +47,7 @@ def plan(
     ] = Cones.POLYGONS.value,
     profile: Annotated[bool, typer.Option("--profile", help="Show where the time goes.")] = False,
     seed: Seed = 0,
-    backend: Backend = "piqp",
+    backend: Backend = "native",
     as_json: Json = False,
 ) -> None:
     """Solve the optimal coverage NLP offline, over the mission's planning.duration_s, or as long as it takes.

@@ -64,7 +64,7 @@ class RecedingHorizon:
     Parameters
     ----------
     mission : field, fleet and control parameters.
-    backend : QP back-end: piqp, clarabel or osqp.
+    backend : native, or the QP back-end of an SQP: piqp, clarabel or osqp.
     seed : kept as an attribute for records; with budgets of counted work the law is deterministic.
     planner : searches for plans; one with that back-end where it is left out.
     """
@@ -72,7 +72,7 @@ class RecedingHorizon:
     tolerates_losses = True
 
     def __init__(
-        self, mission: Mission, *, backend: str = "piqp", seed: int = 0, planner: Planner | None = None
+        self, mission: Mission, *, backend: str = "native", seed: int = 0, planner: Planner | None = None
     ) -> None:
         self.seed = seed
         self._field, self._period = mission.field, mission.spec.control.period_s

@@ -201,7 +201,7 @@ def _demand(ocp: OCP) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _looks_between(ocp: OCP) -> tuple[int, bool]:
-    """Return the looks of an interval, or the points from which its nearest is found, and whether every point counts."""
+    """Return the looks of an interval, or the points its nearest is found from, and whether every point counts."""
     between = ocp.between(np.zeros((ocp.steps + 1, *ocp.fleet.start.shape)))
     if between is None:
         return 1, False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -80,17 +80,19 @@ def multistart(
     budget: Budget,
     on_progress: Progress | None = None,
     given: Mapping[str, FloatArray] | None = None,
+    known: Mapping[str, FloatArray] | None = None,
 ) -> list[Candidate]:
     """Return plans of exactly `steps` samples, the best first, from several starts; anytime.
 
     The list holds one candidate per start tried. `on_progress` is called with the length and each better plan. `given`
-    maps names to decision vectors of `task.ocp(steps)` that replace the initial guesses.
+    maps names to decision vectors of `task.ocp(steps)` that replace the initial guesses, `known` those that come first.
     """
     notify = on_progress or _ignore
     ocp = task.ocp(steps)
     screening = budget.part(_SCREENING_SHARE)
     tried: list[tuple[Origin, FloatArray, SCPResult]] = []
-    for origin, x in _starts(task, steps, search, screening) if given is None else _given(given):
+    starts = _starts(task, steps, search, screening) if given is None else _given(given)
+    for origin, x in chain(_given(known or {}), starts):
         coarse = optimise(
             ocp,
             x,

@@ -49,7 +49,7 @@ class PlanOptions:
     keep_on_interrupt : whether a KeyboardInterrupt ends the search alone, and the best plan so far is returned.
     """
 
-    backend: str = "piqp"
+    backend: str = "native"
     seed: int = 0
     starts: int = SEARCH.starts
     time_limit_s: float | None = None

@@ -10,12 +10,13 @@ import numpy as np
 
 from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.errors import UserError
+from mpc_cover.planning import interior_point
 from mpc_cover.planning.candidate import evaluate_motion
 from mpc_cover.planning.extension import extended
 from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
 from mpc_cover.planning.initial_guess.timed_sweeps import repair_sweeps, timed_sweeps
-from mpc_cover.planning.min_time import FAILURES, plan_free_horizon, plan_min_time
+from mpc_cover.planning.min_time import FAILURES, plan_free_horizon, plan_min_time, shortened
 from mpc_cover.planning.multistart import Search, multistart
 from mpc_cover.planning.scp import evaluate, optimise
 from mpc_cover.planning.task import multi_look_options, needs_laps
@@ -43,6 +44,8 @@ _SUFFICIENT_REST = 0.3
 """Part of the demand that a passively safe plan may leave to the next one; a plain choice."""
 _QUICK_SEARCH = Search(starts=3, finalists=1)
 """The search for one length within a control step; a plain choice of what fits into it."""
+_SHORTENING, _LENGTHS = Search(rounds=20), 2
+"""The search for shorter plans while the fleet is at rest, and the lengths in a row at which it fails; plain choices."""
 _FEW_SWEEPS = 3
 """Timed sweeps that are tried within a step; at rest all of them are. Plain choice."""
 _SWEEPS_SHARE = 0.8
@@ -69,7 +72,13 @@ class Planner:
 
     def thorough(self, task: Task, budget: Budget) -> Candidate:
         """Plan for the whole demand from many starts, as well as the budget allows."""
-        return self._passively_safe(partial(plan_free_horizon, backend=self._backend), task, budget)
+        return self._passively_safe(self._thorough, task, budget)
+
+    def _thorough(self, task: Task, *, budget: Budget) -> Candidate:
+        best = plan_free_horizon(task, self._backend, budget=budget)
+        if not self._backend.capabilities.whole_problem or not interior_point.supports(task.ocp(best.plan.steps)):
+            return best
+        return shortened(task, best, self._backend, search=_SHORTENING, budget=budget, failures=_LENGTHS)
 
     def quick(self, task: Task, budget: Budget) -> Candidate:
         """Plan for the whole demand from a few starts at one length, as well as the budget allows."""

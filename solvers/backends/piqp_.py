@@ -70,7 +70,6 @@ class _Layout:
         return y
 
 
-@final
 class PIQPBackend(Backend):
     """PIQP's sparse solver. `warm_start` has no effect: an interior-point method has none."""
 

@@ -36,7 +36,7 @@ class Structure(ctypes.Structure):
     def __init__(self, **values: Any) -> None:
         super().__init__()
         self._arrays: list[NDArray[Any]] = []
-        kinds = dict(self._fields_)
+        kinds: dict[str, Any] = {field[0]: field[1] for field in self._fields_}
         for name, value in values.items():
             kind = kinds[name]
             if kind in _DTYPES:
@@ -114,7 +114,7 @@ def library() -> ctypes.CDLL | None:
 @lru_cache(maxsize=4)
 def lapack(name: str) -> int:
     """Return the address of a LAPACK routine that SciPy exports."""
-    capsule = cython_lapack.__pyx_capi__[name]
+    capsule: Any = vars(cython_lapack)["__pyx_capi__"][name]
     api = ctypes.pythonapi
     api.PyCapsule_GetName.restype, api.PyCapsule_GetName.argtypes = ctypes.c_char_p, [ctypes.py_object]
     api.PyCapsule_GetPointer.restype = c_void_p

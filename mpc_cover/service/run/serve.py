@@ -44,7 +44,7 @@ STATUS_EVERY_S = 2.0
 class ServeOptions:
     """See `mpc-cover serve --help`."""
 
-    backend: str = "piqp"
+    backend: str = "native"
     seed: int = 0
     speed: float = 1.0
     state_dir: Path | None = None

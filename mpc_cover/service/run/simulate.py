@@ -60,7 +60,7 @@ class Simulation:
 def simulate(
     mission: Mission,
     *,
-    backend: str = "piqp",
+    backend: str = "native",
     seed: int = 0,
     law: ControlLaw | None = None,
     channel: Callable[[str, bytes], list[bytes]] | None = None,
