@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -93,7 +94,7 @@ def descend(
     `scale` is the smallest sensing radius, the unit of `region`, the largest displacement of a step; `sharpness` and
     `margin` are as in `scp.optimise`; soft minima are over `count` samples. Deterministic where the budget counts work.
     """
-    problem, each_s = problem_of(ocp, Margins()), _step_s(ocp, count)
+    problem, each_s = _problem(ocp), _step_s(ocp, count)
     steps = min(iterations, _STEPS_MAX)
     if budget.counts and budget.deadline is not None:
         steps = min(steps, max(1, int(budget.left_s / each_s)))
@@ -127,6 +128,46 @@ def descend(
     budget.charge(each_s * known.iterations)
     best = np.concatenate([found[:size], found[size:] / ocp.period])
     return Descent(ocp.exact_ends(best), known.iterations, native.Outcome(known.outcome))
+
+
+class Evaluation(NamedTuple):
+    """J, the largest violation of the requirements, and that of passive safety, of a motion; see `scp.evaluate`."""
+
+    cost: float
+    violation: float
+    braking_violation: float
+
+
+def evaluate(ocp: OCP, x: FloatArray) -> Evaluation | None:
+    """Return the evaluation of a decision vector, or None where the library was not built."""
+    if native.library() is None:
+        return None
+    size = ocp.fleet.start.size
+    options = native.Options(
+        stages=1,
+        samples=1,
+        sharpness=[1.0],
+        floor=[1.0],
+        overshoot=[0.0],
+        feasibility=1.0,
+        limit_feasibility=ocp.period,
+        input_feasibility=ocp.period**2,
+        tie=TIE,
+    )
+    found = native.evaluate(_problem(ocp), options, np.concatenate([x[:size], ocp.period * x[size:]]))
+    return Evaluation(found.cost * _mean_weight(ocp), found.violation, found.braking)
+
+
+def _problem(ocp: OCP) -> native.Problem:
+    """Return the OCP as the library takes it, made once."""
+    known = _PROBLEMS.get(ocp)
+    if known is None:
+        known = _PROBLEMS[ocp] = problem_of(ocp, Margins())
+    return known
+
+
+_PROBLEMS: WeakKeyDictionary[OCP, native.Problem] = WeakKeyDictionary()
+"""OCPs in use, as the library takes them."""
 
 
 def problem_of(ocp: OCP, margins: Margins) -> native.Problem:

@@ -260,6 +260,8 @@ def _trust_region(scale: float, first: float, smallest: float, largest: float) -
 
 def evaluate(ocp: OCP, x: FloatArray) -> SCPResult:
     """Return the evaluation of a decision vector without any refinement."""
+    if (known := interior_point.evaluate(ocp, x)) is not None:
+        return SCPResult(x, known.cost, known.violation, (), known.braking_violation)
     problem = CoverageNLP(ocp, Settings(softness_at(SHARPNESS[-1], length_scale(ocp))))
     position, velocity = ocp.motion(x)
     cost = coverage_cost(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.looks, ocp.between(velocity))

@@ -45,7 +45,8 @@ static void motion_free(Motion *o) {
     for (unsigned k = 0; k < sizeof(all) / sizeof(*all); k++) free(all[k]);
 }
 
-static int workspace_allocate(Workspace *w, const Problem *p, const Options *t) {
+/* Sizes, numbering and what evaluation needs; `linearise` adds Hessians and rows. */
+static int workspace_allocate(Workspace *w, const Problem *p, const Options *t, int with_hessian) {
     const int st = p->agents * p->dimension, N = p->steps, pairs = p->pairs, m = p->agents;
     memset(w, 0, sizeof(*w));
     w->stage = st;
@@ -65,18 +66,19 @@ static int workspace_allocate(Workspace *w, const Problem *p, const Options *t) 
     for (int j = 0; j < st; j++) w->equalities += p->end_fixed && p->active[j / p->dimension];
     w->has_velocity_columns = p->parts > 1 || p->continuous || p->long_steps || p->instants > 0;
     const long half = w->half, nx = w->variables, nf = MAX(w->free, 1), ne = w->equalities + 1;
-    const long slots = w->terms + 5L * (N + 1) * pairs + (2 + 6L * MAX_DIMENSION) * (N + 1) * m + 2L * p->instants * (N + 1) * pairs;
-    const long entries = (long)w->terms * t->samples * p->dimension * 3 + 30L * (N + 1) * pairs + 40L * (N + 1) * m +
-                         24L * 2 * p->instants * (N + 1) * pairs + 128;
+    const long scratch = MAX(half, (2L + p->dimension) * (N + 1) * m + m + 2L * w->widest) + 8;
+    if (!(w->index = malloc(sizeof(int32_t) * (w->widest + 1))) || !(w->scratch = malloc(sizeof(double) * scratch))) return 0;
+    if (!with_hessian) return 1;
     struct { double **place; long count; } blocks[] = {
         {&w->Hqq, half * half}, {&w->Hqv, half * half}, {&w->Hvv, half * half}, {&w->B, nx * half}, {&w->M, nx * nx},
         {&w->R, nf * nf}, {&w->E, 2 * ne * nf}, {&w->S, ne * ne}, {&w->gradient_q, half}, {&w->gradient_v, half},
         {&w->g, nx}, {&w->rhs, nf}, {&w->dx, nx}, {&w->dq, half}, {&w->dv, half}, {&w->tmp, half + ne},
-        {&w->scratch, MAX(half, (2L + p->dimension) * (N + 1) * m + m + 2L * w->widest) + 8},
     };
     for (unsigned k = 0; k < sizeof(blocks) / sizeof(*blocks); k++)
         if (!(*blocks[k].place = malloc(sizeof(double) * (blocks[k].count + 1)))) return 0;
-    if (!(w->index = malloc(sizeof(int32_t) * (w->widest + 1)))) return 0;
+    const long slots = w->terms + 5L * (N + 1) * pairs + (2 + 6L * MAX_DIMENSION) * (N + 1) * m + 2L * p->instants * (N + 1) * pairs;
+    const long entries = (long)w->terms * t->samples * p->dimension * 3 + 30L * (N + 1) * pairs + 40L * (N + 1) * m +
+                         24L * 2 * p->instants * (N + 1) * pairs + 128;
     return rows_allocate(&w->rows, slots, entries, slots);
 }
 
@@ -178,7 +180,7 @@ int coverage_descent(const Problem *p, const Options *t, double *x, Result *best
     Motion o;
     memset(&o, 0, sizeof(o));
     best->outcome = OUT_OF_MEMORY;
-    if (workspace_allocate(&w, p, t) && motion_allocate(&o, p, &w, t->samples)) best->outcome = descend(p, t, &w, &o, x, best);
+    if (workspace_allocate(&w, p, t, 1) && motion_allocate(&o, p, &w, t->samples)) best->outcome = descend(p, t, &w, &o, x, best);
     motion_free(&o);
     workspace_free(&w);
     return best->outcome;
@@ -190,7 +192,7 @@ int coverage_evaluate(const Problem *p, const Options *t, const double *x, Resul
     Motion o;
     memset(&o, 0, sizeof(o));
     found->outcome = OUT_OF_MEMORY;
-    if (workspace_allocate(&w, p, t) && motion_allocate(&o, p, &w, t->samples)) {
+    if (workspace_allocate(&w, p, t, 0) && motion_allocate(&o, p, &w, t->samples)) {
         memcpy(o.x, x, sizeof(double) * w.variables);
         evaluate(p, &w, t, t->sharpness[0], &o);
         found->cost = o.hard;
