@@ -14,6 +14,7 @@ from mpc_cover.planning.candidate import candidate_of, evaluate_guess
 from mpc_cover.planning.cvxpy_extra.statuses import INFEASIBLE, USABLE
 from mpc_cover.planning.cvxpy_problem import StatusLog, UserProblem
 from mpc_cover.planning.cvxpy_scp import optimise_with_cvxpy, restored
+from mpc_cover.planning.initial_guess.guess import rest_guess
 from mpc_cover.planning.multistart import Search, initial_guesses, systematic_guesses
 
 if TYPE_CHECKING:
@@ -105,7 +106,16 @@ class CvxpySearch:
                 self.on_progress(steps, candidate)
         if not found:
             raise UserError(_infeasible(problem, starts[0][1], infeasible))
+        if not any(one.holds for _, one in found):
+            found.append(self._at_rest(problem, steps))
         return min(found, key=lambda pair: pair[1].rank)
+
+    def _at_rest(self, problem: UserProblem, steps: int) -> tuple[Candidate, Found]:
+        """Return the plan to stay where the fleet is, as far as the user's constraints let it: there is always that."""
+        guess = rest_guess(self.task.position)
+        x, _ = restored(problem, problem.ocp.decision_of(self.task.flown(guess, steps)), self.budget)
+        best = problem.found(x)
+        return candidate_of(self.task, steps, best.result, guess.origin), best
 
     def _keep(self, steps: int, origin: Origin, best: Found) -> None:
         if best.holds:

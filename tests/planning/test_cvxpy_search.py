@@ -126,6 +126,11 @@ def test_a_plan_as_long_as_it_takes_covers_what_it_may():
     assert np.isfinite(plan.covered_at).all()
 
 
+def test_whatever_the_time_limit_the_result_holds():
+    plan = planned(raw=mpc_cover.load_mission("box-3"), time_limit_s=1e-3)
+    assert mpc_cover.check(plan).holds
+
+
 def test_what_leaves_no_motion_is_told_with_the_status_and_the_constraint():
     def wishes(motion, mission):
         y = motion.position[:, :, 1]
