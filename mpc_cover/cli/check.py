@@ -33,8 +33,9 @@ def check(
         from mpc_cover.planning.cvxpy_extra.checks import with_extra  # noqa: PLC0415 - CVXPY takes a second
 
         report = with_extra(report, trajectory, own)
-    elif (made_with := trajectory.meta.get("extra")) is not None:
-        console.print(f"planned with --extra {made_with}, which is not looked at: give it to have it checked, too")
+    elif isinstance(made_with := trajectory.meta.get("extra"), str):
+        hint = f"planned with --extra {made_with}, which is not looked at: give it to have it checked, too"
+        console.print(hint, highlight=False, markup=False)
     summary = summarise(trajectory, report)
     print_report(report, console, summary.information)
     print_area_seen(summary, console)

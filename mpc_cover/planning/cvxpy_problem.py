@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _ELASTIC = 1e3
 """Weight of violations while an iterate is restored, in units of the proximal term's weight; a plain choice."""
-_OPTIONS: dict[str, dict[str, Any]] = {
+SOLVER_OPTIONS: dict[str, dict[str, Any]] = {
     "OSQP": {"eps_abs": 1e-5, "eps_rel": 1e-5, "max_iter": 20_000},
     "SCS": {"eps_abs": 1e-6, "eps_rel": 1e-6, "max_iters": 20_000},
 }
@@ -187,7 +187,7 @@ class UserProblem:
         problem, solver = subproblem.problem(), self.log.solver
         with quiet():
             try:
-                problem.solve(solver=solver, canon_backend=cp.SCIPY_CANON_BACKEND, **_OPTIONS.get(solver, {}))
+                problem.solve(solver=solver, canon_backend=cp.SCIPY_CANON_BACKEND, **SOLVER_OPTIONS.get(solver, {}))
             except cp.error.SolverError:
                 self._require_able(problem)
                 return self.log.note(cp.SOLVER_ERROR), None, np.nan

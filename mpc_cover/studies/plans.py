@@ -96,7 +96,8 @@ def _plan(
     )
     if (cvxpy := meta.get("cvxpy")) is not None:
         told = ", ".join(f"{count} {status}" for status, count in cvxpy["statuses"].items()) or "nothing to solve"
-        console.print(f"CVXPY ({cvxpy['solver']}): {told}", highlight=False)
+        worth = f"; the terms of {meta['extra']} are worth {meta['extra_value']:.4g}" if "extra" in meta else ""
+        console.print(f"CVXPY ({cvxpy['solver']}): {told}{worth}", highlight=False, markup=False)
     for check in own:
         console.print(str(check), highlight=False, markup=False)
     kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual", *(_OF_CVXPY if "cvxpy" in meta else ()))

@@ -8,6 +8,7 @@ import pytest
 from tiny_mission import TINY
 
 import mpc_cover
+from mpc_cover.planning.cvxpy_problem import SOLVER_OPTIONS
 from mpc_cover.planning.offline import PlanOptions
 from mpc_cover.studies.mission_transforms import moved, scaled
 
@@ -164,6 +165,14 @@ def test_any_solver_that_takes_the_problem_solves_it(as_it_is, backend):
     assert mpc_cover.check(plan, extra=corner).holds
     assert plan.meta["cvxpy"]["solver"] == backend.upper()
     assert plan.meta["cost_m"] == pytest.approx(as_it_is.meta["cost_m"], rel=0.05)
+
+
+def test_statuses_of_subproblems_that_were_not_solved_are_kept(monkeypatch):
+    monkeypatch.setitem(SOLVER_OPTIONS, "CLARABEL", {"max_iter": 3})
+    plan = planned(corner, SHORTEST, starts=1)
+    assert plan.meta["cvxpy"]["status"] == "user_limit"
+    assert set(plan.meta["cvxpy"]["statuses"]) == {"user_limit"}
+    assert mpc_cover.check(plan).holds
 
 
 def test_a_qp_solver_takes_no_norms():

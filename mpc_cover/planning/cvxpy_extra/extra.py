@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 _LONGEST = 100
 """Characters of an expression in a message; a plain choice."""
-_LIBRARIES = tuple(sysconfig.get_paths()[name] for name in ("stdlib", "purelib", "platlib"))
+_LIBRARIES = (
+    *(sysconfig.get_paths()[name] for name in ("stdlib", "purelib", "platlib")),
+    *(str(Path(module.__file__).parent) for module in (cp, np) if module.__file__),
+)
 _WANTED = "must return (terms, constraints), two lists or mappings"
 
 
