@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from mpc_cover.planning.cvxpy_extra.extra import Extra
     from mpc_cover.trajectory_file import Recording
 
-_LINES = 20
-"""Constraints that have a line each; of more, those that hold share one. A plain choice: a screen."""
+_LINES = 8
+"""Constraints that have a line each; of more, those that hold share one. A plain choice: half of the verifier's own."""
 
 
 def with_extra(report: Report, recording: Recording, extra: Extra | None) -> Report:

@@ -160,7 +160,7 @@ class _Places:
         entry = [int(index) for index in np.unravel_index(int(np.argmin(slack)), slack.shape)]
         samples = self.motion.time.size
         if slack.shape[0] not in {samples, samples - 1}:
-            return f"entry {entry}"
+            return self.agent_id[entry[0]] if slack.shape == (len(self.agent_id),) else f"entry {entry}"
         time = f"t = {self.motion.time[entry[0]]:.3f} s"
         if slack.ndim > 1 and slack.shape[1] == len(self.agent_id):
             return f"{self.agent_id[entry[1]]}, {time}"

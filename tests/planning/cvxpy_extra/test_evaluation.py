@@ -41,6 +41,14 @@ def test_a_violation_is_told_with_its_size_agent_and_time():
     assert wall.margin == pytest.approx(0.2)
 
 
+def test_an_agents_part_of_a_row_is_named_and_so_is_the_entry_of_anything_else():
+    def wish(motion, mission):
+        return [], [motion.position[-1, :, 1] <= 2.0, motion.velocity[1:4, 1] <= 0.5, motion.position[0, 0, 0] <= 0.0]
+
+    places = [group.where.rpartition(" <= ")[2] for group in judged(wish).groups]
+    assert places == ["2.0, a2", "0.5, entry [0, 1]", "0.0"]
+
+
 def test_a_group_is_judged_by_its_worst_and_an_equality_by_its_distance():
     def wish(motion, mission):
         return [], {"rows": [q[:, 1] <= 2.2 for q in motion.position], "meet": motion.position[-1, 0] == [0.75, 1.5]}
