@@ -111,7 +111,7 @@ class _Pool:
         self._found: list[SCPResult] = []
 
     def add(self, found: SCPResult) -> None:
-        """Keep a minimum if it is feasible or the first, and neither equal to another one nor worse than a full pool."""
+        """Keep a minimum that is feasible or the first, and neither equal to another one nor worse than a full pool."""
         if (self._found and not found.feasible) or any(self._equal(found, one) for one in self._found):
             return
         self._found = sorted([*self._found, found], key=lambda one: (not one.feasible, one.merit))[:_POOL]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.model.local_frame import LocalFrame
 from mpc_cover.model.look_instants import looks_of_plans
 from mpc_cover.planning.budget import Budget
+from mpc_cover.planning.cvxpy_extra.solver_names import check_solver
 from mpc_cover.planning.min_time import FAILURES
 from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.planner import Planner
@@ -28,9 +30,17 @@ if TYPE_CHECKING:
 
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.candidate import Candidate
+    from mpc_cover.planning.cvxpy_extra.extra import Extra
 
 SEARCH = Search(starts=10, finalists=3, rounds=20)
 """The default search; with a time limit its hops go on until then. A plain choice."""
+
+
+class Formulation(StrEnum):
+    """Who makes the convex subproblems."""
+
+    QP = "qp"
+    CVXPY = "cvxpy"
 
 
 @dataclass(frozen=True)
@@ -47,6 +57,8 @@ class PlanOptions:
     min_time : whether to search for the shortest plan that covers the whole demand, instead of a fixed duration.
     exact_cones : second-order cones for speeds, inputs and edges instead of polytopes inside them.
     keep_on_interrupt : whether a KeyboardInterrupt ends the search alone, and the best plan so far is returned.
+    formulation : qp, subproblems assembled by hand; or cvxpy, where the back-end is any solver that CVXPY has.
+    extra : a user's terms and constraints, of the formulation cvxpy.
     """
 
     backend: str = "native"
@@ -56,9 +68,20 @@ class PlanOptions:
     min_time: bool = False
     exact_cones: bool = False
     keep_on_interrupt: bool = False
+    formulation: str = Formulation.QP.value
+    extra: Extra | None = None
 
     def __post_init__(self) -> None:
-        """Raise `UserError` for cones that the back-end lacks."""
+        """Raise `UserError` for options that do not go together, and cones that the back-end lacks."""
+        if self.formulation not in set(Formulation):
+            raise UserError(f"formulation {self.formulation}: must be {' or '.join(Formulation)}")
+        if self.formulation == Formulation.CVXPY:
+            if self.min_time:
+                raise UserError("formulation cvxpy: searches for no shortest plan: leave min-time out")
+            check_solver(self.backend, exact_cones=self.exact_cones)
+            return
+        if self.extra is not None:
+            raise UserError(f"extra {self.extra.name}: is part of CVXPY's subproblem: needs formulation cvxpy")
         if self.exact_cones and self.backend not in (able := backends_with_cones()):
             raise UserError(f"exact cones: {self.backend} has no second-order cones: use {' or '.join(able)}")
 
@@ -80,6 +103,8 @@ def plan_mission(
         Unknown back-end, or no motion was found that satisfies the constraints.
     """
     options = options or PlanOptions()
+    if options.formulation == Formulation.CVXPY:
+        return _plan_with_cvxpy(mission, options, on_progress)
     planner, frame = Planner(options.backend), LocalFrame.of(mission)
     task = offline_task(mission, frame)
     duration_s = mission.spec.planning.duration_s
@@ -103,6 +128,40 @@ def plan_mission(
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
     return _recording(mission, options, frame, found, interrupted=interrupted)
+
+
+def _plan_with_cvxpy(mission: Mission, options: PlanOptions, on_progress: Callable[[str], None] | None) -> Recording:
+    """Return the best plan found by subproblems in CVXPY; see `plan_mission`. It may violate a user's constraint."""
+    from mpc_cover.planning.cvxpy_extra.evaluation import evaluate  # noqa: PLC0415 - CVXPY takes a second
+    from mpc_cover.planning.cvxpy_problem import StatusLog  # noqa: PLC0415 - likewise
+    from mpc_cover.planning.cvxpy_search import CvxpySearch  # noqa: PLC0415 - likewise
+
+    frame = LocalFrame.of(mission)
+    task, duration_s, limit_s = offline_task(mission, frame), mission.spec.planning.duration_s, options.time_limit_s
+    budget = Budget.unlimited() if limit_s is None else Budget.wall_clock(limit_s)
+    search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
+    best, log = _Best(task.period, frame.length, on_progress), StatusLog(options.backend.upper())
+    run, interrupted = (
+        CvxpySearch(task, mission, frame, search, options.extra, log, budget, best.keep, best.note),
+        False,
+    )
+    try:
+        found = run.as_long_as_it_takes() if duration_s is None else run.fixed(round(duration_s / task.period))
+    except KeyboardInterrupt:
+        if not options.keep_on_interrupt or best.found is None:
+            raise
+        found, interrupted = best.found, True
+    if not found.feasible:
+        raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
+    recording = _recording(mission, options, frame, found, interrupted=interrupted)
+    told: dict[str, Any] = {"formulation": options.formulation, "cvxpy": log.to_dict()}
+    told["subproblems"] = sum(log.counts.values())
+    if not interrupted and found.cost > 0.0:
+        told["stopped"] = "Time is up." if budget.exhausted else "The most promising guesses are refined."
+    if options.extra is not None:
+        told["extra"] = options.extra.name
+        told["extra_value"] = evaluate(options.extra, recording.plain(), mission).value
+    return replace(recording, meta={**recording.meta, **told})
 
 
 def offline_task(mission: Mission, frame: LocalFrame | None = None) -> Task:
@@ -140,12 +199,17 @@ class _Best:
         self._period, self._unit_m, self._on_progress = period, unit_m, on_progress
 
     def note(self, steps: int, candidate: Candidate) -> None:
-        """Take in a plan of so many steps: a shorter one is better where both cover everything."""
-        if candidate.feasible and (self.found is None or self._merit(candidate) <= self._merit(self.found)):
-            self.found = candidate
+        """Take in a plan of so many steps, and tell of it."""
+        self.keep(steps, candidate)
         if self._on_progress is not None:
             outcome = "covers everything" if candidate.complete else f"J = {self._unit_m * candidate.cost:.4g} m"
             self._on_progress(f"{steps * self._period:.4g} s: {outcome} ({candidate.origin.name})")
+
+    def keep(self, steps: int, candidate: Candidate) -> None:
+        """Take in a plan of so many steps: a shorter one is better where both cover everything."""
+        del steps
+        if candidate.feasible and (self.found is None or self._merit(candidate) <= self._merit(self.found)):
+            self.found = candidate
 
     @staticmethod
     def _merit(candidate: Candidate) -> tuple[bool, float]:

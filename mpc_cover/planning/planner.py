@@ -45,7 +45,7 @@ _SUFFICIENT_REST = 0.3
 _QUICK_SEARCH = Search(starts=3, finalists=1)
 """The search for one length within a control step; a plain choice of what fits into it."""
 _SHORTENING, _LENGTHS = Search(rounds=20), 2
-"""The search for shorter plans while the fleet is at rest, and the lengths in a row at which it fails; plain choices."""
+"""The search for shorter plans while at rest, and the lengths in a row at which it may fail; plain choices."""
 _FEW_SWEEPS = 3
 """Timed sweeps that are tried within a step; at rest all of them are. Plain choice."""
 _SWEEPS_SHARE = 0.8

@@ -17,6 +17,7 @@ from mpc_cover.mission.load import load_mission
 from mpc_cover.planning.offline import PlanOptions, plan_mission
 from mpc_cover.trajectory_file import save_trajectory
 from mpc_cover.verification.check import check_trajectory
+from mpc_cover.verification.report import Check, Report
 from mpc_cover.verification.summary import RunSummary, summarise
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.mission.load import Mission
 
+_OF_CVXPY = ("formulation", "cvxpy", "extra", "extra_value")
 _PROFILED = 18
 """Lines of a profile."""
 
@@ -77,7 +79,12 @@ def _plan(
     with _profiled(console, wanted=profile), console.status(f"{mission.spec.name}: plans"):
         trajectory = plan_mission(mission, options, on_progress=lambda line: console.print(line, highlight=False))
     seconds = time.perf_counter() - begun
-    report = check_trajectory(trajectory)
+    report, own = check_trajectory(trajectory), tuple[Check, ...]()
+    if options.extra is not None:
+        from mpc_cover.planning.cvxpy_extra.checks import check_extra  # noqa: PLC0415 - CVXPY takes a second
+
+        own = check_extra(trajectory, options.extra)
+        report = Report((*report.checks, *own))
     summary = summarise(trajectory, report)
     if report.holds:
         save_trajectory(trajectory, file)
@@ -87,7 +94,13 @@ def _plan(
         f"{seconds:.2f} s in all. {meta['stopped']}",
         highlight=False,
     )
-    kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual")
+    if (cvxpy := meta.get("cvxpy")) is not None:
+        told = ", ".join(f"{count} {status}" for status, count in cvxpy["statuses"].items()) or "nothing to solve"
+        worth = f"; the terms of {meta['extra']} are worth {meta['extra_value']:.4g}" if "extra" in meta else ""
+        console.print(f"CVXPY ({cvxpy['solver']}): {told}{worth}", highlight=False, markup=False)
+    for check in own:
+        console.print(str(check), highlight=False, markup=False)
+    kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual", *(_OF_CVXPY if "cvxpy" in meta else ()))
     margins = {check.name: check.margin for check in report.checks if math.isfinite(check.margin)}
     extra = {"file": str(file) if report.holds else None, "computing_time_s": round(seconds, 3), "margins": margins}
     extra["interrupted"] = bool(meta.get("interrupted", False))
