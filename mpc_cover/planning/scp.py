@@ -262,6 +262,11 @@ def evaluate(ocp: OCP, x: FloatArray) -> SCPResult:
     """Return the evaluation of a decision vector without any refinement."""
     if (known := interior_point.evaluate(ocp, x)) is not None:
         return SCPResult(x, known.cost, known.violation, (), known.braking_violation)
+    return evaluate_with_numpy(ocp, x)
+
+
+def evaluate_with_numpy(ocp: OCP, x: FloatArray) -> SCPResult:
+    """Return the evaluation of a decision vector where the library was not built; the two agree up to rounding."""
     problem = CoverageNLP(ocp, Settings(softness_at(SHARPNESS[-1], length_scale(ocp))))
     position, velocity = ocp.motion(x)
     cost = coverage_cost(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.looks, ocp.between(velocity))
