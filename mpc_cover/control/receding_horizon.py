@@ -16,6 +16,7 @@ from mpc_cover.control.candidate_generation import CandidateGenerator
 from mpc_cover.control.control_law import PlanSource, Proposal
 from mpc_cover.control.demand_allocation import DemandAllocation
 from mpc_cover.control.fallback_policy import best_proposal, stop_proposal
+from mpc_cover.control.idle_improvement import IdleImprovement
 from mpc_cover.control.plan_improvement import PlanImprovement
 from mpc_cover.control.planning_constraints import PlanningConstraints
 from mpc_cover.control.recovery import Mode, ReplanHistory, Situation, next_mode, stays_at
@@ -83,6 +84,8 @@ class RecedingHorizon:
         self._allocation = DemandAllocation(mission.field)
         self._candidates = CandidateGenerator(mission, self._constraints, self._allocation, planner)
         self._improvement = PlanImprovement(mission, self._constraints, self._allocation, planner)
+        self._idle = IdleImprovement(mission, self._constraints, self._allocation, planner)
+        self._known: tuple[FleetState, DemandMap] | None = None
         self._incumbent: Trajectory | None = None
         self._law_state = _LawState(None, None, Mode.NOMINAL, ReplanHistory(self._planning_s))
         self._proposed: tuple[Trajectory, _LawState] | None = None
@@ -97,6 +100,13 @@ class RecedingHorizon:
         self._incumbent = trajectory
         if self._proposed is not None and self._proposed[0] is trajectory:
             self._law_state = self._proposed[1]
+        if self._known is not None and self._substeps == 1:
+            nominal = self._law_state.mode is Mode.NOMINAL
+            self._idle.begin(self._law_state.plan if nominal else None, *self._known)
+
+    def improve(self, budget: Budget) -> bool:
+        """Improve the rest of the mission plan between two steps; return whether more time may help."""
+        return self._idle.improve(budget)
 
     def step(self, state: FleetState, coverage: DemandMap, budget: Budget) -> Proposal:
         """Return a proposal from the predicted state on; never raises for numerical reasons.
@@ -110,6 +120,7 @@ class RecedingHorizon:
         self._allocation.update(state, underway, self._constraints.planned, self._period)
         if state.settled:
             budget = budget.extended((self._law_state.history.time_factor - 1.0) * self._planning_s)
+        self._known = state, coverage
         proposal, law = self._decide(state, coverage, budget)
         self._proposed = proposal.trajectory, law
         self._law_state = _if_not_sent(self._law_state, law)
@@ -118,7 +129,7 @@ class RecedingHorizon:
     def _decide(self, state: FleetState, coverage: DemandMap, budget: Budget) -> tuple[Proposal, _LawState]:
         """Return what to propose, and the state of the law once it is sent."""
         law = self._law_state
-        rest = None if state.settled else self._rest_of(law.plan, state)
+        rest = None if state.settled else self._improved_rest(self._rest_of(law.plan, state), state, coverage)
         situation = Situation(
             settled=state.settled,
             work_left=bool((coverage.owed & self._constraints.reachable).any()),
@@ -276,6 +287,16 @@ class RecedingHorizon:
             return None
         rest = state.trajectory(plan.velocity[done + 1 :], self._period)
         return rest if self._constraints.keeps(rest, state) else None
+
+    def _improved_rest(self, rest: Trajectory | None, state: FleetState, coverage: DemandMap) -> Trajectory | None:
+        """Return what was found in the idle time if it is shorter, as safe, and covers no less; else the rest."""
+        found = self._idle.taken(state.time)
+        if rest is None or found is None or found.steps >= rest.steps:
+            return rest
+        shorter = state.trajectory(found.velocity[1:], self._period)
+        if (self._left_by(shorter, state, coverage) > self._left_by(rest, state, coverage)).any():
+            return rest
+        return shorter if self._improvement.is_safe(shorter, rest, state, self._incumbent) else rest
 
     def _resting(self, state: FleetState) -> Trajectory:
         """Return the motion that stays where the fleet is, of one sample."""

@@ -17,6 +17,7 @@ from mpc_cover.planning.scp import (
     MARGIN,
     REFINEMENT_REGION,
     SHARPNESS,
+    descends_natively,
     evaluate,
     is_better,
     length_scale,
@@ -48,6 +49,8 @@ _KICKED_SHARE, _KICKS = 0.6, (2.0, 4.0, 8.0)
 _FIRST_STAGES = (0.4, 0.4, 0.2)
 """Parts of the hops that begin at the first, second and third stage of the continuation: the softer the first, the more
 of the motion is rearranged. Plain choices."""
+_NATIVE_HOPS = 10
+"""Hops by descents of the library that take the place of one by QPs; it takes longer than they do, as measured."""
 _START_SHARE = 0.5
 """Amplitude of the perturbation of a free start, relative to that of the motion; a plain choice."""
 _MARGINS = (MARGIN, 0.5 * MARGIN)
@@ -80,18 +83,20 @@ def basin_hopping(
     """Return the best of `best` and the minima found from its perturbations; anytime.
 
     Every third hop perturbs one of the decision vectors `guesses`, in turn, as the basin itself may be a poor one.
-    `rounds` bounds the hops, None for as many as the budget allows; `seed` is that of the perturbations;
+    `rounds` bounds the hops (ten times as many of the library's), None for as many as the budget allows; `seed` is that of the perturbations;
     `on_progress` is called with each better result.
     """
     rng = np.random.default_rng(seed)
-    pool, stages, done = _Pool(ocp), best.stages, 0
+    if rounds is not None and descends_natively(ocp, backend, exact_cones=exact_cones):
+        rounds *= _NATIVE_HOPS
+    pool, stages, done = Pool(ocp), best.stages, 0
     pool.add(best)
     while not best.complete and not budget.exhausted and (rounds is None or done < rounds):
         done += 1
         base = pool.drawn(rng)
         if guesses and done % _GUESS_EVERY == 0:
             base = evaluate(ocp, guesses[(done // _GUESS_EVERY - 1) % len(guesses)])
-        found = _hop(ocp, base, backend, rng, budget=budget, exact_cones=exact_cones)
+        found = hop(ocp, base, backend, rng, budget=budget, exact_cones=exact_cones)
         stages += found.stages
         pool.add(found)
         if is_better(found, best):
@@ -103,12 +108,17 @@ def basin_hopping(
     return replace(best, stages=stages)
 
 
-class _Pool:
+class Pool:
     """The best minima found that differ from each other, the best first."""
 
     def __init__(self, ocp: OCP) -> None:
         self._ocp = ocp
         self._found: list[SCPResult] = []
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing was added yet."""
+        return not self._found
 
     def add(self, found: SCPResult) -> None:
         """Keep a minimum that is feasible or the first, and neither equal to another one nor worse than a full pool."""
@@ -128,8 +138,14 @@ class _Pool:
         return float(apart.max()) <= _EQUAL * scale
 
 
-def _hop(
-    ocp: OCP, base: SCPResult, backend: Backend, rng: np.random.Generator, *, budget: Budget, exact_cones: bool
+def hop(
+    ocp: OCP,
+    base: SCPResult,
+    backend: Backend,
+    rng: np.random.Generator,
+    *,
+    budget: Budget,
+    exact_cones: bool = False,
 ) -> SCPResult:
     """Return the minimum found from a perturbation of a motion, with greater weights of some of what it leaves."""
     scale, weight = length_scale(ocp), ocp.weight

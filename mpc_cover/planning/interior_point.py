@@ -48,6 +48,9 @@ _BARRIER, _BARRIER_MIN = 0.1, 1e-5
 """First and least barrier parameter, in radii; plain choices by J after descents of box-3."""
 _SMALL_STEP = 0.05
 """Displacement in radii below which a stage has converged; a plain choice, as the next stage changes J_beta."""
+_INSIDE = 1e-6
+"""How far inside a sensing disc a cell must lie for a descent to count it, in radii, but for the last one without
+sensing margin: what is covered by less than rounding in other coordinates is not covered there. Plain choice."""
 _LEAST_ROOM = 0.01
 """First slack of a limit that a guess exceeds, as a part of it; a plain choice."""
 _NEAREST_S, _TERM_S, _CONDENSE_S, _FACTOR_S = 2.2e-9, 3.5e-7, 1.6e-9, 2.6e-11
@@ -118,7 +121,7 @@ def descend(
         input_feasibility=judgement.feasibility * ocp.period**2,
         braking_tolerance=judgement.braking_tolerance,
         braking_cost=judgement.braking_cost / _mean_weight(ocp),
-        tie=TIE,
+        tie=-_INSIDE * scale if margin > 0.0 else TIE,
         deadline_s=math.inf if budget.counts or budget.deadline is None else max(budget.left_s, 0.0),
         potrf=native.lapack("dpotrf"),
         potrs=native.lapack("dpotrs"),

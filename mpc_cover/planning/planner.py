@@ -10,7 +10,6 @@ import numpy as np
 
 from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.errors import UserError
-from mpc_cover.planning import interior_point
 from mpc_cover.planning.candidate import evaluate_motion
 from mpc_cover.planning.extension import extended
 from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
@@ -18,7 +17,8 @@ from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
 from mpc_cover.planning.initial_guess.timed_sweeps import repair_sweeps, timed_sweeps
 from mpc_cover.planning.min_time import FAILURES, plan_free_horizon, plan_min_time, shortened
 from mpc_cover.planning.multistart import Search, multistart
-from mpc_cover.planning.scp import evaluate, optimise
+from mpc_cover.planning.scp import descends_natively, evaluate, optimise
+from mpc_cover.planning.shortening import Shortening
 from mpc_cover.planning.task import multi_look_options, needs_laps
 from solvers.backends.registry import UnknownBackendError, make_backend
 
@@ -76,7 +76,7 @@ class Planner:
 
     def _thorough(self, task: Task, *, budget: Budget) -> Candidate:
         best = plan_free_horizon(task, self._backend, budget=budget)
-        if not self._backend.capabilities.whole_problem or not interior_point.supports(task.ocp(best.plan.steps)):
+        if not descends_natively(task.ocp(best.plan.steps), self._backend):
             return best
         return shortened(task, best, self._backend, search=_SHORTENING, budget=budget, failures=_LENGTHS)
 
@@ -135,6 +135,14 @@ class Planner:
             budget=budget,
             **multi_look_options(ocp.looks),
         )
+
+    def descends_natively(self, ocp: OCP) -> bool:
+        """Return whether descents on this OCP take so little time that there are many in an idle period."""
+        return descends_natively(ocp, self._backend)
+
+    def shortening(self, ocp: OCP, x: FloatArray) -> Shortening:
+        """Return an anytime search for a complete motion of the OCP's length, from a guess."""
+        return Shortening(ocp, x, self._backend)
 
     def evaluate(self, ocp: OCP, x: FloatArray) -> SCPResult:
         """Return the evaluation of a motion without any refinement."""

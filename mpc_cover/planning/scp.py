@@ -136,6 +136,11 @@ def length_scale(ocp: OCP) -> float:
     return ocp.fleet.sensing_radius_min
 
 
+def descends_natively(ocp: OCP, backend: Backend, *, exact_cones: bool = False) -> bool:
+    """Return whether the library's interior point takes the place of the SQP on this OCP."""
+    return backend.capabilities.whole_problem and not exact_cones and interior_point.supports(ocp)
+
+
 def optimise(
     ocp: OCP,
     x: FloatArray,
@@ -156,7 +161,7 @@ def optimise(
     Ends early once a motion is complete, or the budget is exhausted.
     """
     scale = length_scale(ocp)
-    if backend.capabilities.whole_problem and not exact_cones and interior_point.supports(ocp):
+    if descends_natively(ocp, backend, exact_cones=exact_cones):
         return _descended(ocp, x, sharpness, iterations, region, budget, margin, count)
     options = sqp.Options(
         max_iterations=iterations,
@@ -228,7 +233,7 @@ def optimise_without_margin(
     if budget.exhausted:
         return best
     scale = length_scale(ocp)
-    if backend.capabilities.whole_problem and not exact_cones and interior_point.supports(ocp):
+    if descends_natively(ocp, backend, exact_cones=exact_cones):
         final = _descended(ocp, best.x, (_HARD,), _FINAL_ITERATIONS, _FINAL_REGION, budget, 0.0, SAMPLES_PER_TERM)
         return replace(final if is_better(final, best) else best, stages=(*best.stages, *final.stages))
     settings = Settings(softness_at(_HARD, scale, margin=0.0), exact_cones=exact_cones)

@@ -10,4 +10,6 @@ from solvers.backends.piqp_ import PIQPBackend
 class NativeBackend(PIQPBackend):
     """PIQP, in whose place callers descend on the whole problem where the compiled library can."""
 
+    name = "native"
+
     capabilities = replace(PIQPBackend.capabilities, whole_problem=True)

@@ -93,7 +93,7 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
             say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
             controller = _controller(mission, options, folder, transport, clock, identity, record)
             look_s = mission.spec.control.state_period_s
-            run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s)
+            run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s, controller.idle)
         finally:
             transport.close()
         if record is not None:

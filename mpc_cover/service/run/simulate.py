@@ -5,6 +5,7 @@ It is deterministic.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from threading import Event
 from typing import TYPE_CHECKING
@@ -132,7 +133,10 @@ def _run(
                 continue
         clock.wait_until(due.next_time, never)
         due.tick()
-        if due is controller and on_tick and controller.heartbeat.status:
+        if due is not controller:
+            continue
+        controller.idle(math.inf)
+        if on_tick and controller.heartbeat.status:
             on_tick(controller.heartbeat.status)
     for participant in running():
         participant.shutdown()
