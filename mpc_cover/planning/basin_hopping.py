@@ -83,8 +83,8 @@ def basin_hopping(
     """Return the best of `best` and the minima found from its perturbations; anytime.
 
     Every third hop perturbs one of the decision vectors `guesses`, in turn, as the basin itself may be a poor one.
-    `rounds` bounds the hops (ten times as many of the library's), None for as many as the budget allows; `seed` is that of the perturbations;
-    `on_progress` is called with each better result.
+    `rounds` bounds the hops (ten times as many of the library's), None for as many as the budget allows; `seed` is that
+    of the perturbations; `on_progress` is called with each better result.
     """
     rng = np.random.default_rng(seed)
     if rounds is not None and descends_natively(ocp, backend, exact_cones=exact_cones):
