@@ -95,7 +95,7 @@ def run(
 ) -> None:
     """Run until it is done or `stop` is set; `shutdown` is called whatever happens.
 
-    Before it waits until a time of the clock [s], `idle` is called with that time. When the next tick is due is looked up
+    Before it waits until a time of the clock [s], `idle` is called with it. When the next tick is due is looked up
     every `look_s` of the clock [s]: a command may make it due at once.
     """
     try:
