@@ -28,9 +28,11 @@ if TYPE_CHECKING:
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.ocp import OCP
 
-_VARIABLES_MAX = 900
-"""Variables up to which the dense factorisation is faster than segments of the motion, one after the other, as
-measured; larger OCPs are left to the SQP."""
+_VARIABLES_MAX, _OWN_VARIABLES_MAX = 15_000, 600
+"""Variables of a fleet, and of each agent, up to which a descent takes less time than segments of the motion, one after
+the other; an agent's are factorised at once. Plain choices; larger OCPs are left to the SQP."""
+_DENSE_MAX = 420
+"""Variables up to which the whole fleet is factorised at once; plain choice."""
 _STAGE_STEPS = 15
 """Newton steps after which a stage ends anyway; a plain choice that few stages reach."""
 _STEPS_MAX = 120
@@ -56,6 +58,9 @@ _LEAST_ROOM = 0.01
 _NEAREST_S, _TERM_S, _CONDENSE_S, _FACTOR_S = 2.2e-9, 3.5e-7, 1.6e-9, 2.6e-11
 """Seconds of a Newton step: per pair of cell and sample, per term, per entry of the Hessian, and per cubed variable.
 From instructions counted on box-3, at 2.5 of them a cycle of 0.4 ns."""
+_COUPLED = (1.0, 3.0)
+"""Factors of the last two where the fleet is one block, and where agents are blocks that conjugate gradients couple; as
+measured with 24 agents."""
 
 
 class Judgement(NamedTuple):
@@ -76,7 +81,8 @@ class Descent(NamedTuple):
 
 def supports(ocp: OCP) -> bool:
     """Return whether the library was built, and the OCP is not too large for it."""
-    return (ocp.steps + 2) * ocp.fleet.start.size <= _VARIABLES_MAX and native.library() is not None
+    own = (ocp.steps + 2) * ocp.fleet.dimension
+    return own <= _OWN_VARIABLES_MAX and own * ocp.fleet.size <= _VARIABLES_MAX and native.library() is not None
 
 
 def descend(
@@ -199,6 +205,7 @@ def problem_of(ocp: OCP, margins: Margins) -> native.Problem:
         long_steps=has_long_steps(fleet, step),
         linked=agents > 1 and bool(np.isfinite(fleet.communication_range)),
         instants=len(stops),
+        dense_max=_DENSE_MAX,
         cells=ocp.cell.shape[0],
         demands=cell.size,
         parts=parts,
@@ -279,7 +286,10 @@ def _step_s(ocp: OCP, count: int) -> float:
     """Return the time of a Newton step [s] as it is charged where work is counted."""
     looks = 1 if ocp.looks is None else max(1, int(ocp.looks.max(initial=1)))
     terms = looks * np.count_nonzero(ocp.weight > 0.0)
-    variables = (ocp.steps + 1) * ocp.fleet.start.size
+    variables, blocks = (ocp.steps + 2) * ocp.fleet.start.size, 1
+    if variables > _DENSE_MAX:
+        variables, blocks = variables // ocp.fleet.size, ocp.fleet.size
     nearest = terms / looks * (ocp.steps + 1) * ocp.fleet.size
     per_term = _TERM_S * (count * ocp.fleet.dimension / 12.0) ** 2
-    return float(_NEAREST_S * nearest + per_term * terms + _CONDENSE_S * variables**2 + _FACTOR_S * variables**3)
+    dense = _CONDENSE_S * variables**2 + _FACTOR_S * variables**3
+    return float(_NEAREST_S * nearest + per_term * terms + _COUPLED[blocks > 1] * blocks * dense)

@@ -12,6 +12,7 @@ from mpc_cover.planning.extension import completions
 from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
 from mpc_cover.planning.initial_guess.guess import GuessKind, rest_guess
 from mpc_cover.planning.multistart import Search, multistart, systematic_guesses
+from mpc_cover.planning.scp import descends_natively
 from mpc_cover.planning.segment_refinement import SEGMENT_STEPS, refine_segments, resampled
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ def _plan_apart(
     found = [candidate for candidate in evaluated if candidate not in apart]
     moving = found[:-1] or apart
     work, least = _work(task, moving), min(candidate.plan.steps for candidate in moving)
-    if work * task.fleet.size > _LARGE:
+    if work * task.fleet.size > _LARGE and not descends_natively(task.ocp(work), backend):
         in_order = sorted(found, key=partial(guess_priority, violation_cost=_VIOLATION_COST))
         return _plan_large(task, backend, in_order, budget)
     steps, too_short = max(task.least_steps, round(_UPPER_SHARE * work)), round(_LOWER_SHARE * least)

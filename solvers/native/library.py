@@ -60,7 +60,7 @@ class Problem(Structure):
 
     _fields_ = [
         *_fields(c_int32, "steps agents dimension pairs first closed end_fixed long_steps linked instants"),
-        *_fields(c_int32, "cells demands parts continuous"),
+        *_fields(c_int32, "dense_max cells demands parts continuous"),
         *_fields(c_double, "range"),
         *_fields(_DOUBLES, "speed_max input_max speed_limit input_limit braking_input"),
         *_fields(_FLAGS, "active"),

@@ -206,15 +206,15 @@ void coverage_rows(const Problem *p, Workspace *w, const Options *t, const Motio
                 for (int a = 0; a < d; a++)
                     for (int c2 = 0; c2 < d; c2++) {
                         const double h = f * ((a == c2) - r[a] * r[c2]);
-                        w->Hqq[(long)(at + a) * half + at + c2] += h;
+                        add_entry(w, w->Hqq, at + a, at + c2, h);
                         if (s > 0.0) { /* the point is q + a0 v + b v+ */
                             const int one = at + a, two = at + c2;
-                            w->Hqv[(long)one * half + two] += a0 * h;
-                            w->Hqv[(long)one * half + two + st] += b * h;
-                            w->Hvv[(long)one * half + two] += a0 * a0 * h;
-                            w->Hvv[(long)one * half + two + st] += a0 * b * h;
-                            w->Hvv[(long)(one + st) * half + two] += a0 * b * h;
-                            w->Hvv[(long)(one + st) * half + two + st] += b * b * h;
+                            add_entry(w, w->Hqv, one, two, a0 * h);
+                            add_entry(w, w->Hqv, one, two + st, b * h);
+                            add_entry(w, w->Hvv, one, two, a0 * a0 * h);
+                            add_entry(w, w->Hvv, one, two + st, a0 * b * h);
+                            add_entry(w, w->Hvv, one + st, two, a0 * b * h);
+                            add_entry(w, w->Hvv, one + st, two + st, b * b * h);
                         }
                     }
             }

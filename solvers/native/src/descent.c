@@ -45,7 +45,53 @@ static void motion_free(Motion *o) {
     for (unsigned k = 0; k < sizeof(all) / sizeof(*all); k++) free(all[k]);
 }
 
-/* Sizes, numbering and what evaluation needs; `linearise` adds Hessians and rows. */
+/* Divide the variables into blocks, and number the reduced variables and all entries block by block. */
+static int divide(const Problem *p, Workspace *w) {
+    const int whole = w->variables <= p->dense_max, d = p->dimension, N = p->steps;
+    w->blocks = whole ? 1 : p->agents;
+    w->block = calloc(w->blocks, sizeof(Block));
+    w->block_of = malloc(sizeof(int32_t) * w->half);
+    w->local = malloc(sizeof(int32_t) * w->half);
+    w->row_of = malloc(sizeof(long) * w->half);
+    if (!w->block || !w->block_of || !w->local || !w->row_of) return 0;
+    long hessian = 0, condensed = 0, factor = 0;
+    for (int k = 0; k < w->blocks; k++) {
+        Block *b = w->block + k;
+        b->first = whole ? 0 : k * d;
+        b->stage = whole ? w->stage : d;
+        b->half = (N + 1) * b->stage;
+        b->variables = b->half + b->stage;
+        b->hessian = hessian;
+        b->condensed = condensed;
+        b->factor = factor;
+        b->free_first = w->free;
+        b->equality_first = w->equalities;
+        for (int s = 0; s < N + 2; s++)
+            for (int j = 0; j < b->stage; j++) {
+                const int i = s * w->stage + b->first + j;
+                w->free_of[i] = p->fixed[i] ? NONE : w->free++;
+                /* the last velocities of a closed motion are the first */
+                if (s == N + 1 && p->closed) {
+                    if (w->free_of[i] >= 0) w->free--;
+                    w->free_of[i] = w->free_of[w->stage + b->first + j];
+                }
+                if (s == 0) continue;
+                const int column = i - w->stage, local = (s - 1) * b->stage + j;
+                w->block_of[column] = k;
+                w->local[column] = local;
+                w->row_of[column] = hessian + (long)local * b->half;
+            }
+        b->free = w->free - b->free_first;
+        for (int j = 0; j < b->stage; j++) w->equalities += p->end_fixed && p->active[(b->first + j) / d];
+        b->equalities = w->equalities - b->equality_first;
+        hessian += (long)b->half * b->half;
+        condensed += (long)b->variables * b->variables;
+        factor += (long)b->free * b->free;
+    }
+    return 1;
+}
+
+/* Sizes and what evaluation needs; `linearise` adds Hessians and rows. */
 static int workspace_allocate(Workspace *w, const Problem *p, const Options *t, int with_hessian) {
     const int st = p->agents * p->dimension, N = p->steps, pairs = p->pairs, m = p->agents;
     memset(w, 0, sizeof(*w));
@@ -60,30 +106,34 @@ static int workspace_allocate(Workspace *w, const Problem *p, const Options *t, 
         w->terms += p->demand_looks[e];
         w->widest = MAX(w->widest, p->demand_looks[e] * t->samples);
     }
-    for (int i = 0; i < w->variables; i++) w->free_of[i] = p->fixed[i] ? -1 : w->free++;
-    if (p->closed) /* the last velocities are the first */
-        for (int j = 0; j < st; j++) w->free_of[w->half + j] = w->free_of[st + j];
-    for (int j = 0; j < st; j++) w->equalities += p->end_fixed && p->active[j / p->dimension];
     w->has_velocity_columns = p->parts > 1 || p->continuous || p->long_steps || p->instants > 0;
-    const long half = w->half, nx = w->variables, nf = MAX(w->free, 1), ne = w->equalities + 1;
-    const long scratch = MAX(half, (2L + p->dimension) * (N + 1) * m + m + 2L * w->widest) + 8;
+    const long half = w->half, nx = w->variables;
+    const long scratch = MAX(nx, (2L + p->dimension) * (N + 1) * m + m + 2L * w->widest) + 8;
     if (!(w->index = malloc(sizeof(int32_t) * (w->widest + 1))) || !(w->scratch = malloc(sizeof(double) * scratch))) return 0;
     if (!with_hessian) return 1;
+    if (!divide(p, w)) return 0;
+    const Block *last = w->block + w->blocks - 1;
+    const long hessian = last->hessian + (long)last->half * last->half, condensed = last->condensed + (long)last->variables * last->variables;
+    const long factor = last->factor + (long)last->free * last->free, nf = MAX(w->free, 1), ne = w->equalities + 1;
     struct { double **place; long count; } blocks[] = {
-        {&w->Hqq, half * half}, {&w->Hqv, half * half}, {&w->Hvv, half * half}, {&w->B, nx * half}, {&w->M, nx * nx},
-        {&w->R, nf * nf}, {&w->E, 2 * ne * nf}, {&w->S, ne * ne}, {&w->gradient_q, half}, {&w->gradient_v, half},
-        {&w->g, nx}, {&w->rhs, nf}, {&w->dx, nx}, {&w->dq, half}, {&w->dv, half}, {&w->tmp, half + ne},
+        {&w->Hqq, hessian}, {&w->Hqv, hessian}, {&w->Hvv, hessian}, {&w->B, (long)last->variables * last->half}, {&w->M, condensed},
+        {&w->R, factor}, {&w->E, 2 * ne * nf}, {&w->S, ne * ne}, {&w->gradient_q, half}, {&w->gradient_v, half},
+        {&w->g, nx}, {&w->rhs, nf}, {&w->dx, nx}, {&w->dq, half}, {&w->dv, half}, {&w->tmp, half + ne}, {&w->diagonal, nf},
+        {&w->residual, nf}, {&w->direction, nf}, {&w->product, nf}, {&w->solution, nf}, {&w->part, w->blocks},
     };
+    w->hessian = hessian;
     for (unsigned k = 0; k < sizeof(blocks) / sizeof(*blocks); k++)
         if (!(*blocks[k].place = malloc(sizeof(double) * (blocks[k].count + 1)))) return 0;
     const long slots = w->terms + 5L * (N + 1) * pairs + (2 + 6L * MAX_DIMENSION) * (N + 1) * m + 2L * p->instants * (N + 1) * pairs;
-    const long entries = (long)w->terms * t->samples * p->dimension * 3 + 30L * (N + 1) * pairs + 40L * (N + 1) * m +
+    const long more = 4L * (N + 1) * pairs;
+    const long entries = (long)w->terms * t->samples * p->dimension * 3 + 80L * (N + 1) * pairs + 40L * (N + 1) * m +
                          24L * 2 * p->instants * (N + 1) * pairs + 128;
-    return rows_allocate(&w->rows, slots, entries, slots);
+    return rows_allocate(&w->rows, slots + more, entries, slots);
 }
 
 static void workspace_free(Workspace *w) {
-    void *all[] = {w->free_of, w->term_first, w->index, w->Hqq, w->Hqv, w->Hvv, w->B, w->M, w->R, w->E, w->S, w->gradient_q,
+    void *all[] = {w->free_of, w->term_first, w->index, w->block, w->block_of, w->local, w->row_of, w->diagonal, w->residual,
+                   w->direction, w->product, w->solution, w->part, w->Hqq, w->Hqv, w->Hvv, w->B, w->M, w->R, w->E, w->S, w->gradient_q,
                    w->gradient_v, w->g, w->rhs, w->dx, w->dq, w->dv, w->tmp, w->scratch};
     for (unsigned k = 0; k < sizeof(all) / sizeof(*all); k++) free(all[k]);
     rows_free(&w->rows);
@@ -122,7 +172,7 @@ static int complete(const Options *t, const Result *r) {
 }
 
 static void linearise(const Problem *p, Workspace *w, const Options *t, const Motion *o) {
-    const size_t size = sizeof(double) * (long)w->half * w->half;
+    const size_t size = sizeof(double) * w->hessian;
     memset(w->Hqq, 0, size);
     memset(w->Hvv, 0, size);
     if (w->has_velocity_columns) memset(w->Hqv, 0, size);

@@ -23,23 +23,24 @@ void roll_back(const Problem *p, const double *gq, double *g) {
     }
 }
 
-/* M = L' Hqq L + L' Hqv + Hqv' L + Hvv, with q = L x; only the part of it that the reduced variables need is used. */
+/* M = L' Hqq L + L' Hqv + Hqv' L + Hvv, with q = L x; of one block. */
 FOR_THIS_MACHINE
-void condense(const Problem *p, Workspace *w) {
-    const int st = w->stage, half = w->half, nx = w->variables, N = p->steps;
-    double *B = w->B, *M = w->M, *later = w->scratch;
+void condense(const Problem *p, Workspace *w, const Block *k) {
+    const int st = k->stage, half = k->half, nx = k->variables, N = p->steps;
+    const double *Hqq = w->Hqq + k->hessian, *Hqv = w->Hqv + k->hessian, *Hvv = w->Hvv + k->hessian;
+    double *B = w->B, *M = w->M + k->condensed, *later = w->scratch;
     /* B (nx, half) = L' Hqq (+ L' Hqv in M's velocity columns below) */
     for (int j = 0; j < st; j++) {
         for (int c = 0; c < half; c++) later[c] = 0.0;
         for (int n = N; n > 0; n--) {
-            const double *h = w->Hqq + (long)(n * st + j) * half;
+            const double *h = Hqq + (long)(n * st + j) * half;
             double *b = B + (long)(st + n * st + j) * half;
             for (int c = 0; c < half; c++) {
                 b[c] = later[c] + 0.5 * h[c];
                 later[c] += h[c];
             }
         }
-        const double *h = w->Hqq + (long)j * half;
+        const double *h = Hqq + (long)j * half;
         double *b = B + (long)(st + j) * half, *a = B + (long)j * half;
         for (int c = 0; c < half; c++) {
             b[c] = 0.5 * later[c];
@@ -63,13 +64,13 @@ void condense(const Problem *p, Workspace *w) {
         }
     }
     for (int r = 0; r < half; r++)
-        for (int c = 0; c < half; c++) M[(long)(st + r) * nx + st + c] += w->Hvv[(long)r * half + c];
+        for (int c = 0; c < half; c++) M[(long)(st + r) * nx + st + c] += Hvv[(long)r * half + c];
     if (!w->has_velocity_columns) return;
     /* += L' Hqv and its transpose */
     for (int j = 0; j < st; j++) {
         for (int c = 0; c < half; c++) later[c] = 0.0;
         for (int n = N; n >= 0; n--) {
-            const double *h = w->Hqv + (long)(n * st + j) * half;
+            const double *h = Hqv + (long)(n * st + j) * half;
             double *own = M + (long)(st + n * st + j) * nx, *start = M + (long)j * nx;
             const double part = n > 0 ? 0.5 : 0.0;
             for (int c = 0; c < half; c++) {

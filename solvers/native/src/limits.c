@@ -52,12 +52,12 @@ static void disc(Workspace *w, int d, int slot, double bound, const double *e, i
     const int half = w->half;
     for (int a = 0; a < d; a++) {
         rows_entry(&w->rows, half + plus + a, e[a] / bound);
-        w->Hvv[(long)(plus + a) * half + plus + a] += h;
+        add_entry(w, w->Hvv, plus + a, plus + a, h);
         if (minus < 0) continue;
         rows_entry(&w->rows, half + minus + a, -e[a] / bound);
-        w->Hvv[(long)(minus + a) * half + minus + a] += h;
-        w->Hvv[(long)(plus + a) * half + minus + a] -= h;
-        w->Hvv[(long)(minus + a) * half + plus + a] -= h;
+        add_entry(w, w->Hvv, minus + a, minus + a, h);
+        add_entry(w, w->Hvv, plus + a, minus + a, -h);
+        add_entry(w, w->Hvv, minus + a, plus + a, -h);
     }
 }
 

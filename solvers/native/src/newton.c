@@ -7,7 +7,6 @@
 #include <string.h>
 #include "problem.h"
 
-#define REGULARISATION 1e-8
 #define LEAST_CENTRING 0.0025 /* least factor of the barrier parameter in a step */
 #define TO_BOUNDARY 0.95 /* part of the way to its bound by which a slack or multiplier may move */
 
@@ -17,17 +16,16 @@ static void add_row(Workspace *w, int k) {
     const int half = w->half;
     const double D = r->D[k];
     for (int a = r->begin[k]; a < r->begin[k + 1]; a++) {
-        const int i = r->column[a];
+        const int velocity = r->column[a] >= half, i = r->column[a] - (velocity ? half : 0);
+        const int block = w->block_of[i];
         const double f = D * r->value[a];
-        if (i < half)
-            for (int b = r->begin[k]; b < r->begin[k + 1]; b++) {
-                const int j = r->column[b];
-                if (j < half) w->Hqq[(long)i * half + j] += f * r->value[b];
-                else w->Hqv[(long)i * half + j - half] += f * r->value[b];
-            }
-        else
-            for (int b = r->begin[k]; b < r->begin[k + 1]; b++)
-                if (r->column[b] >= half) w->Hvv[(long)(i - half) * half + r->column[b] - half] += f * r->value[b];
+        double *qq = w->Hqq + w->row_of[i], *qv = w->Hqv + w->row_of[i], *vv = w->Hvv + w->row_of[i];
+        for (int b = r->begin[k]; b < r->begin[k + 1]; b++) {
+            const int moving = r->column[b] >= half, j = r->column[b] - (moving ? half : 0);
+            if (w->block_of[j] != block) continue;
+            if (velocity && moving) vv[w->local[j]] += f * r->value[b];
+            else if (!velocity) (moving ? qv : qq)[w->local[j]] += f * r->value[b];
+        }
     }
 }
 
@@ -38,6 +36,10 @@ static void assemble(Workspace *w, const Options *t) {
     double sum = 0.0;
     int products = 0;
     for (int k = 0; k < r->count; k++) {
+        if (r->cost[k] == CURVE) {
+            add_row(w, k);
+            continue;
+        }
         const int slot = r->slot[k];
         const double s = r->s[slot], v = r->w[slot], z = r->z[slot], y = r->y[slot];
         const int hard = r->cost[k] == HARD;
@@ -51,68 +53,19 @@ static void assemble(Workspace *w, const Options *t) {
         }
         add_row(w, k);
     }
-    for (int i = 0; i < half; i++) w->Hqq[(long)i * half + i] += t->proximal;
+    for (int i = 0; i < half; i++) add_entry(w, w->Hqq, i, i, t->proximal);
     r->mu = products ? sum / products : 0.0;
-}
-
-/* The condensed Hessian of the reduced variables, factorised; rows of equalities and their Schur complement. */
-static int factorise(const Problem *p, Workspace *w, const Options *t) {
-    const int nx = w->variables, nf = w->free, ne = w->equalities, st = w->stage;
-    int n = nf, info = 0, columns = ne;
-    char upper = 'U'; /* row-major lower is column-major upper */
-    condense(p, w);
-    double shift = REGULARISATION;
-    for (int attempt = 0; attempt < 6; attempt++, shift *= 100.0) {
-        memset(w->R, 0, sizeof(double) * (long)nf * nf);
-        for (int i = 0; i < nx; i++) {
-            const int fi = w->free_of[i];
-            const double *row = w->M + (long)i * nx;
-            if (fi < 0) continue;
-            for (int j = 0; j < nx; j++) {
-                const int fj = w->free_of[j];
-                if (fj >= 0 && fj <= fi) w->R[(long)fi * nf + fj] += row[j];
-            }
-        }
-        for (int i = 0; i < nf; i++) w->R[(long)i * nf + i] += shift;
-        t->potrf(&upper, &n, w->R, &n, &info);
-        if (info == 0) break;
-    }
-    if (info != 0 || ne == 0) return info == 0;
-    /* E: displacement of sample N (less that of sample 0, if closed) of each active agent and axis */
-    memset(w->E, 0, sizeof(double) * 2 * (long)ne * nf);
-    int row = 0;
-    for (int j = 0; j < st; j++) {
-        if (!p->active[j / p->dimension]) continue;
-        double *e = w->E + (long)row++ * nf;
-        if (!p->closed && w->free_of[j] >= 0) e[w->free_of[j]] += 1.0;
-        for (int k = 0; k <= p->steps; k++) {
-            const int f = w->free_of[st + k * st + j];
-            if (f >= 0) e[f] += k == 0 || k == p->steps ? 0.5 : 1.0;
-        }
-    }
-    double *solved = w->E + (long)ne * nf;
-    memcpy(solved, w->E, sizeof(double) * (long)ne * nf);
-    t->potrs(&upper, &n, &columns, w->R, &n, solved, &n, &info);
-    for (int a = 0; a < ne; a++)
-        for (int b = 0; b <= a; b++) {
-            double s = a == b ? 1e-12 : 0.0;
-            for (int k = 0; k < nf; k++) s += w->E[(long)a * nf + k] * solved[(long)b * nf + k];
-            w->S[a * ne + b] = s;
-        }
-    t->potrf(&upper, &columns, w->S, &columns, &info);
-    return info == 0;
 }
 
 /* Directions dx, dq, dv for the complementarity targets c1, c2; dz of each row. */
 static void solve(const Problem *p, Workspace *w, const Options *t) {
     Rows *r = &w->rows;
-    const int half = w->half, nx = w->variables, nf = w->free, ne = w->equalities, st = w->stage;
-    int n = nf, one = 1, info = 0, size = ne;
-    char upper = 'U';
+    const int half = w->half, nx = w->variables, nf = w->free, st = w->stage;
     double *gq = w->tmp, *gv = w->dv;
     memcpy(gq, w->gradient_q, sizeof(double) * half);
     memcpy(gv, w->gradient_v, sizeof(double) * half);
     for (int k = 0; k < r->count; k++) {
+        if (r->cost[k] == CURVE) continue;
         const int slot = r->slot[k];
         const double e = r->cost[k] == HARD ? (r->c1[k] + r->z[slot] * r->residual[k]) / r->w[slot]
                                             : r->D[k] * (r->residual[k] + r->c1[k] / r->z[slot] - r->c2[k] / r->y[slot]);
@@ -127,20 +80,11 @@ static void solve(const Problem *p, Workspace *w, const Options *t) {
     memset(w->rhs, 0, sizeof(double) * nf);
     for (int i = 0; i < nx; i++)
         if (w->free_of[i] >= 0) w->rhs[w->free_of[i]] -= w->g[i];
-    t->potrs(&upper, &n, &one, w->R, &n, w->rhs, &n, &info);
-    if (ne > 0) {
-        double *multiplier = w->tmp, *solved = w->E + (long)ne * nf;
-        for (int a = 0; a < ne; a++) {
-            multiplier[a] = 0.0;
-            for (int k = 0; k < nf; k++) multiplier[a] += w->E[(long)a * nf + k] * w->rhs[k];
-        }
-        t->potrs(&upper, &size, &one, w->S, &size, multiplier, &size, &info);
-        for (int a = 0; a < ne; a++)
-            for (int k = 0; k < nf; k++) w->rhs[k] -= solved[(long)a * nf + k] * multiplier[a];
-    }
+    solve_reduced(p, w, t);
     for (int i = 0; i < nx; i++) w->dx[i] = w->free_of[i] >= 0 ? w->rhs[w->free_of[i]] : 0.0;
     roll_out(p, w->dx, w->dq);
     for (int k = 0; k < r->count; k++) {
+        if (r->cost[k] == CURVE) continue;
         double along = 0.0;
         for (int a = r->begin[k]; a < r->begin[k + 1]; a++) {
             const int i = r->column[a];
@@ -198,6 +142,7 @@ static double predicted_barrier(const Rows *r, double mu_floor) {
     double primal = 1.0, dual = 1.0, now = 0.0, then = 0.0, dw, dz, ds;
     for (int k = 0; k < r->count; k++) {
         const int slot = r->slot[k];
+        if (r->cost[k] == CURVE) continue;
         row_change(r, k, &dw, &dz, &ds);
         if (dz < 0.0) dual = MIN(dual, -r->z[slot] / dz);
         if (r->cost[k] == HARD) continue;
@@ -207,7 +152,7 @@ static double predicted_barrier(const Rows *r, double mu_floor) {
     }
     for (int k = 0; k < r->count; k++) {
         const int slot = r->slot[k];
-        if (r->cost[k] == HARD) continue;
+        if (r->cost[k] == HARD || r->cost[k] == CURVE) continue;
         row_change(r, k, &dw, &dz, &ds);
         then += (r->w[slot] + primal * dw) * (r->z[slot] + dual * dz) + (r->s[slot] + primal * ds) * (r->y[slot] - dual * dz);
         now += r->w[slot] * r->z[slot] + r->s[slot] * r->y[slot];
@@ -224,6 +169,7 @@ int newton_step(const Problem *p, Workspace *w, const Options *t, double mu_floo
     assemble(w, t);
     if (!factorise(p, w, t)) return 0;
     for (int k = 0; k < r->count; k++) {
+        if (r->cost[k] == CURVE) continue;
         const int slot = r->slot[k];
         r->c1[k] = -r->w[slot] * r->z[slot];
         r->c2[k] = r->cost[k] == HARD ? 0.0 : -r->s[slot] * r->y[slot];
@@ -237,6 +183,7 @@ int newton_step(const Problem *p, Workspace *w, const Options *t, double mu_floo
     const double step = MIN(longest_step(w), big > 0.0 ? w->region * t->step_max / big : 1.0);
     for (int k = 0; k < r->count; k++) {
         const int slot = r->slot[k];
+        if (r->cost[k] == CURVE) continue;
         const double keep = 1.0 - TO_BOUNDARY, z = r->z[slot], y = r->y[slot];
         double dw, dz, ds;
         row_change(r, k, &dw, &dz, &ds);

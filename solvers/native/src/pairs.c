@@ -84,11 +84,9 @@ void measure_pairs(const Problem *p, Motion *o) {
     }
 }
 
-/* A row sign * n.(x_i - x_j) with level; at control points q + v/2 also velocities. */
-static void pair_row(const Problem *p, Workspace *w, int slot, double level, double cost, int n, int i, int j,
-                     const double *normal, double sign, int control) {
+/* Entries of sign * n.(x_i - x_j); at control points q + v/2 also of velocities. */
+static void pair_entries(const Problem *p, Workspace *w, int n, int i, int j, const double *normal, double sign, int control) {
     const int d = p->dimension, m = p->agents;
-    if (!rows_add(&w->rows, slot, level, cost)) return;
     for (int a = 0; a < d; a++) {
         const int one = (n * m + i) * d + a, two = (n * m + j) * d + a;
         rows_entry(&w->rows, one, sign * normal[a]);
@@ -100,23 +98,30 @@ static void pair_row(const Problem *p, Workspace *w, int slot, double level, dou
     }
 }
 
-/* Curvature of ||x_i - x_j|| times the row's multiplier; at control points also by velocities. */
+/* A row with these entries and a level. */
+static void pair_row(const Problem *p, Workspace *w, int slot, double level, double cost, int n, int i, int j,
+                     const double *normal, double sign, int control) {
+    if (rows_add(&w->rows, slot, level, cost)) pair_entries(p, w, n, i, j, normal, sign, control);
+}
+
+/* Curvature of ||x_i - x_j|| times the row's multiplier, across the edge; at control points also by velocities. */
 static void edge_curvature(const Problem *p, Workspace *w, int n, int i, int j, const double *normal, double far, int control) {
-    const int d = p->dimension, m = p->agents, half = w->half;
+    const int d = p->dimension;
     const double f = row_multiplier(&w->rows, w->rows.count - 1) / MAX(far, 0.3);
-    const int at[2] = {(n * m + i) * d, (n * m + j) * d};
-    for (int one = 0; one < 2; one++)
-        for (int two = 0; two < 2; two++)
-            for (int a = 0; a < d; a++)
-                for (int b = 0; b < d; b++) {
-                    const double h = (one == two ? f : -f) * ((a == b) - normal[a] * normal[b]);
-                    const long row = (long)(at[one] + a) * half, column = at[two] + b;
-                    w->Hqq[row + column] += h;
-                    if (control) {
-                        w->Hqv[row + column] += 0.5 * h;
-                        w->Hvv[row + column] += 0.25 * h;
-                    }
-                }
+    double across[MAX_DIMENSION][MAX_DIMENSION] = {{0}};
+    if (d == 2) {
+        across[0][0] = -normal[1];
+        across[0][1] = normal[0];
+    } else if (d == 3) { /* any two directions that complete the normal */
+        const int least = fabs(normal[0]) < fabs(normal[1]) ? (fabs(normal[0]) < fabs(normal[2]) ? 0 : 2) : (fabs(normal[1]) < fabs(normal[2]) ? 1 : 2);
+        double *u = across[0], *v = across[1], size;
+        for (int a = 0; a < 3; a++) u[a] = (a == least) - normal[least] * normal[a];
+        size = length(3, u);
+        for (int a = 0; a < 3; a++) u[a] /= size;
+        for (int a = 0; a < 3; a++) v[a] = normal[(a + 1) % 3] * u[(a + 2) % 3] - normal[(a + 2) % 3] * u[(a + 1) % 3];
+    }
+    for (int k = 0; k < d - 1; k++)
+        if (rows_curve(&w->rows, f)) pair_entries(p, w, n, i, j, across[k], 1.0, control);
 }
 
 static void separate(const Problem *p, Workspace *w, const Options *t, const Motion *o, int n, int i, int j, int pair, int slot) {

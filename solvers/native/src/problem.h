@@ -24,6 +24,7 @@ typedef struct {
     int32_t long_steps;                      /* whether pairs and box are kept at control points instead of by margins */
     int32_t linked;                          /* whether a communication range is to be kept */
     int32_t instants;                        /* stops (passive safety) per step; 0 without passive safety */
+    int32_t dense_max;                       /* variables up to which the fleet is one block */
     int32_t cells, demands;                  /* K, and pairs (magnitude, cell) that are owed */
     int32_t parts, continuous;               /* looks in each interval; whether its nearest point counts */
     double range;                            /* longest edge, margin included */
@@ -67,6 +68,7 @@ typedef struct {
 } Result;
 
 #define HARD (-1.0) /* cost of rows that have no slack */
+#define CURVE (-2.0) /* cost of rows that are but a term D/2 (a.x)^2 */
 #define NONE (-1)   /* no such column */
 
 enum { COMPLETE = 0, CONVERGED = 1, MAX_ITERATIONS = 2, DEADLINE = 3, NUMERICAL = 4, OUT_OF_MEMORY = 5 };
@@ -97,17 +99,35 @@ typedef struct {
     double mu, least_room, overshoot; /* barrier parameter; see Options */
 } Rows;
 
+/* Blocks are what is factorised together: the whole fleet, or each agent, whose coupling is left to conjugate gradients. */
 typedef struct {
-    int32_t stage, half, variables, terms, free, equalities;
+    int32_t first, stage, half, variables; /* first component of a sample, components, columns, variables */
+    int32_t free_first, free;              /* its part of the reduced variables */
+    long hessian, condensed, factor;       /* where its part of Hqq, Hqv and Hvv, of M, and of R begins */
+    int32_t equality_first, equalities;
+} Block;
+
+typedef struct {
+    int32_t stage, half, variables, terms, free, equalities, blocks;
     int32_t widest;                        /* samples that any demand ranks */
     int32_t *free_of, *term_first, *index; /* x -> reduced variable, -1 fixed; demand -> its first term; ranking */
+    int32_t *block_of, *local;             /* column of a position or velocity -> block, and number within it */
+    long *row_of;                          /* column -> where its row of Hqq, Hqv, Hvv begins */
+    Block *block;
     int32_t has_velocity_columns;
-    double *Hqq, *Hqv, *Hvv, *B, *M, *R, *E, *S;
+    long hessian; /* entries of each of Hqq, Hqv, Hvv */
+    double *Hqq, *Hqv, *Hvv, *B, *M, *R, *E, *S, *diagonal;
     double *gradient_q, *gradient_v, *g, *rhs, *dx, *dq, *dv, *tmp;
-    double region;            /* trust region: part of the largest step and overshoot */
-    double *scratch;
+    double *residual, *direction, *product, *solution; /* of conjugate gradients */
+    double region;                                     /* trust region: part of the largest step and overshoot */
+    double *scratch, *part;
     Rows rows;
 } Workspace;
+
+/* Add to an entry of a Hessian, or drop it where it couples blocks. */
+static inline void add_entry(const Workspace *w, double *H, int i, int j, double h) {
+    if (w->block_of[i] == w->block_of[j]) H[w->row_of[i] + w->local[j]] += h;
+}
 
 /* Vector instructions of the machine at hand, where the compiler can choose among them at run time. */
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__)
@@ -122,7 +142,7 @@ typedef struct {
 /* dynamics.c */
 void roll_out(const Problem *p, const double *x, double *q);
 void roll_back(const Problem *p, const double *gq, double *g);
-void condense(const Problem *p, Workspace *w);
+void condense(const Problem *p, Workspace *w, const Block *b);
 
 /* rows.c */
 int rows_allocate(Rows *r, int32_t rows, int32_t entries, int32_t slots);
@@ -131,6 +151,7 @@ void rows_begin(Rows *r);
 int rows_add(Rows *r, int32_t slot, double level, double cost);
 void rows_disc(Rows *r, int32_t plus, int32_t minus, double bound);
 void rows_entry(Rows *r, int32_t column, double value);
+int rows_curve(Rows *r, double weight);
 double row_multiplier(const Rows *r, int32_t row);
 
 /* coverage.c */
@@ -149,6 +170,10 @@ void limit_rows(const Problem *p, Workspace *w, const Options *t, const Motion *
 /* stopping.c */
 void measure_stopping(const Problem *p, Motion *o);
 void stopping_rows(const Problem *p, Workspace *w, const Options *t, const Motion *o);
+
+/* linear.c */
+int factorise(const Problem *p, Workspace *w, const Options *t);
+void solve_reduced(const Problem *p, Workspace *w, const Options *t);
 
 /* newton.c */
 int newton_step(const Problem *p, Workspace *w, const Options *t, double mu_floor, double *largest, double *length);

@@ -65,6 +65,18 @@ int rows_add(Rows *r, int32_t slot, double level, double cost) {
     return 1;
 }
 
+/* Add a row that is but a quadratic term; 0 where there is no room for it. */
+int rows_curve(Rows *r, double weight) {
+    if (r->count >= r->capacity || r->entries + 64 > r->entry_capacity) return 0;
+    const int k = r->count++;
+    r->begin[k] = r->begin[k + 1] = r->entries;
+    r->slot[k] = NONE;
+    r->cost[k] = CURVE;
+    r->D[k] = weight;
+    r->plus[k] = r->minus[k] = NONE;
+    return 1;
+}
+
 void rows_entry(Rows *r, int32_t column, double value) {
     r->column[r->entries] = column;
     r->value[r->entries++] = value;
