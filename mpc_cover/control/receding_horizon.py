@@ -28,6 +28,8 @@ from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mpc_cover.arrays import FloatArray
     from mpc_cover.information.demand import DemandMap
     from mpc_cover.mission.load import Mission
@@ -80,7 +82,7 @@ class RecedingHorizon:
         self._substeps = mission.spec.control.substeps
         self._planning_s = mission.spec.control.planning_time_s
         self._constraints = PlanningConstraints(mission)
-        planner = planner or Planner(backend)
+        self._planner = planner = planner or Planner(backend)
         self._allocation = DemandAllocation(mission.field)
         self._candidates = CandidateGenerator(mission, self._constraints, self._allocation, planner)
         self._improvement = PlanImprovement(mission, self._constraints, self._allocation, planner)
@@ -121,7 +123,10 @@ class RecedingHorizon:
         if state.settled:
             budget = budget.extended((self._law_state.history.time_factor - 1.0) * self._planning_s)
         self._known = state, coverage
+        others = self._planner.qps_of_others()
         proposal, law = self._decide(state, coverage, budget)
+        if (now := self._planner.qps_of_others()) != others:
+            proposal = replace(proposal, reason=f"{proposal.reason}; {_fallen_back(others, now)}")
         self._proposed = proposal.trajectory, law
         self._law_state = _if_not_sent(self._law_state, law)
         return proposal
@@ -308,6 +313,12 @@ class RecedingHorizon:
         between = inter_sample(later, fleet.look_instants)
         weight, _ = self._allocation.left(coverage, state, later.position, fleet.radius, between)
         return weight * self._constraints.reachable
+
+
+def _fallen_back(before: Mapping[str, int], now: Mapping[str, int]) -> str:
+    """Return in words which back-ends answered how many QPs in place of the chosen one."""
+    more = {name: count - before.get(name, 0) for name, count in now.items()}
+    return "QPs answered by others: " + ", ".join(f"{name} {count}" for name, count in more.items() if count)
 
 
 def _if_not_sent(present: _LawState, found: _LawState) -> _LawState:

@@ -24,9 +24,10 @@ from mpc_cover.planning.task import End, Task
 from mpc_cover.trajectory_file import Recording
 from mpc_cover.version import __version__
 from solvers.backends.registry import backends_with_cones
+from solvers.outcome import Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.candidate import Candidate
@@ -127,7 +128,7 @@ def plan_mission(
         found, interrupted = best.found, True
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
-    return _recording(mission, options, frame, found, interrupted=interrupted)
+    return _recording(mission, options, frame, found, planner.qps_answered, interrupted=interrupted)
 
 
 def _plan_with_cvxpy(mission: Mission, options: PlanOptions, on_progress: Callable[[str], None] | None) -> Recording:
@@ -217,7 +218,13 @@ class _Best:
 
 
 def _recording(
-    mission: Mission, options: PlanOptions, frame: LocalFrame, found: Candidate, *, interrupted: bool
+    mission: Mission,
+    options: PlanOptions,
+    frame: LocalFrame,
+    found: Candidate,
+    answered: Mapping[str, int],
+    *,
+    interrupted: bool,
 ) -> Recording:
     substeps = mission.spec.control.substeps  # looks count once a period
     given = mission.spec.planning.start == "fixed"
@@ -238,6 +245,7 @@ def _recording(
             "backend": options.backend,
             "cost_m": frame.length * found.cost,
             "guess": found.origin.name,
+            "qps": dict(answered),
             **_solver_meta(found),
             **({"interrupted": True, "stopped": "Interrupted: the best plan until then."} if interrupted else {}),
         },
@@ -249,8 +257,11 @@ def _solver_meta(found: Candidate) -> dict[str, Any]:
     stages = found.refined.stages if found.refined is not None else ()
     if found.cost == 0.0:
         stopped = "Everything is covered: J = 0 is the minimum."
+    elif stages:
+        last = stages[-1]
+        stopped = last.outcome.sentence + (f" ({last.detail})" if last.outcome is Outcome.SUBPROBLEM_FAILED else "")
     else:
-        stopped = stages[-1].outcome.sentence if stages else "No start could be refined in time."
+        stopped = "No start could be refined in time."
     meta: dict[str, Any] = {"stopped": stopped, "subproblems": sum(stage.iterations for stage in stages)}
     residuals = next((stage.residuals for stage in reversed(stages) if stage.residuals is not None), None)
     if residuals is not None:

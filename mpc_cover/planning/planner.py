@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from mpc_cover.planning.multistart import Search, multistart
 from mpc_cover.planning.scp import descends_natively, evaluate, optimise
 from mpc_cover.planning.shortening import Shortening
 from mpc_cover.planning.task import multi_look_options, needs_laps
-from solvers.backends.registry import UnknownBackendError, make_backend
+from solvers.backends.fallback import with_fallbacks
+from solvers.backends.registry import UnknownBackendError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from mpc_cover.planning.ocp import OCP
     from mpc_cover.planning.scp import SCPResult
     from mpc_cover.planning.task import Task
+    from solvers.backends.base import Backend
 
 _POLISH_SHARPNESS = 40.0
 """Sharpness of the soft minimum for plans that are good already; a plain choice close to the hard minimum."""
@@ -55,20 +57,30 @@ _REPAIRED = 3
 
 
 class Planner:
-    """Searches for plans with one QP back-end.
+    """Searches for plans with one QP back-end, and with the others where that one fails.
 
     Raises
     ------
     UserError
         For an unknown back-end; the message lists the known ones.
+
+    Attributes
+    ----------
+    qps_answered : number of QPs until now, by the name of the back-end that answered.
     """
 
     def __init__(self, backend: str) -> None:
         self._crowded = False
         try:
-            self._backend = make_backend(backend)
+            solver = with_fallbacks(backend)
         except UnknownBackendError as error:
             raise UserError(str(error)) from None
+        self.qps_answered: Mapping[str, int] = solver.answered
+        self._chosen, self._backend = backend, cast("Backend", solver)
+
+    def qps_of_others(self) -> dict[str, int]:
+        """Return the number of QPs until now that the chosen back-end did not answer, by who did instead."""
+        return {name: count for name, count in self.qps_answered.items() if name != self._chosen}
 
     def thorough(self, task: Task, budget: Budget) -> Candidate:
         """Plan for the whole demand from many starts, as well as the budget allows."""

@@ -21,7 +21,7 @@ from mpc_cover.verification.report import Check, Report
 from mpc_cover.verification.summary import RunSummary, summarise
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from rich.console import Console
 
@@ -90,7 +90,8 @@ def _plan(
         save_trajectory(trajectory, file)
     meta = trajectory.meta
     console.print(
-        f"J = {meta['cost_m']:.6g} m after {meta['subproblems']} subproblems from {meta['guess']}, "
+        f"J = {meta['cost_m']:.6g} m after {meta['subproblems']} subproblems from {meta['guess']}"
+        f"{_by_whom(meta)}, "
         f"{seconds:.2f} s in all. {meta['stopped']}",
         highlight=False,
     )
@@ -100,12 +101,20 @@ def _plan(
         console.print(f"CVXPY ({cvxpy['solver']}): {told}{worth}", highlight=False, markup=False)
     for check in own:
         console.print(str(check), highlight=False, markup=False)
-    kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual", *(_OF_CVXPY if "cvxpy" in meta else ()))
+    kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual", "qps", *(_OF_CVXPY if "cvxpy" in meta else ()))
     margins = {check.name: check.margin for check in report.checks if math.isfinite(check.margin)}
     extra = {"file": str(file) if report.holds else None, "computing_time_s": round(seconds, 3), "margins": margins}
     extra["interrupted"] = bool(meta.get("interrupted", False))
     extra |= {name: meta.get(name) for name in kept}
     return summary, extra
+
+
+def _by_whom(meta: Mapping[str, Any]) -> str:
+    """Return in words how many QPs of the search other back-ends answered than the chosen one; empty for none."""
+    qps = meta["qps"]
+    if not any(name != meta["backend"] for name in qps):
+        return ""
+    return " (QPs answered by " + ", ".join(f"{name}: {count}" for name, count in qps.items()) + ")"
 
 
 @contextmanager
