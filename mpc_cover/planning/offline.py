@@ -154,7 +154,7 @@ def _plan_with_cvxpy(mission: Mission, options: PlanOptions, on_progress: Callab
         found, interrupted = best.found, True
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
-    recording = _recording(mission, options, frame, found, interrupted=interrupted)
+    recording = _recording(mission, options, frame, found, {}, interrupted=interrupted)
     told: dict[str, Any] = {"formulation": options.formulation, "cvxpy": log.to_dict()}
     told["subproblems"] = sum(log.counts.values())
     if not interrupted and found.cost > 0.0:
