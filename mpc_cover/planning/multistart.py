@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, islice
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -197,6 +198,17 @@ def systematic_guesses(task: Task) -> list[Guess]:
     Paths along the shape come first where they are much shorter than sweeps; last, where they need a longer range than
     there is; and not at all elsewhere.
     """
+    known = _GUESSES.get(task)
+    if known is None:
+        known = _GUESSES[task] = _made(task)
+    return known
+
+
+_GUESSES: WeakKeyDictionary[Task, list[Guess]] = WeakKeyDictionary()
+"""The systematic guesses of tasks that are being planned: several searches begin with them."""
+
+
+def _made(task: Task) -> list[Guess]:
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
     free: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
