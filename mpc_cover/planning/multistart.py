@@ -20,7 +20,15 @@ from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
 from mpc_cover.planning.initial_guess.path_comparison import shorter
 from mpc_cover.planning.initial_guess.shape_tour import ShapeTour
 from mpc_cover.planning.initial_guess.tour import Tour
-from mpc_cover.planning.scp import REFINEMENT_REGION, SHARPNESS, evaluate, length_scale, optimise
+from mpc_cover.planning.scp import (
+    REFINEMENT_REGION,
+    SHARPNESS,
+    SOFT_SHARPNESS,
+    descends_natively,
+    evaluate,
+    length_scale,
+    optimise,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -91,6 +99,7 @@ def multistart(
     notify = on_progress or _ignore
     ocp = task.ocp(steps)
     screening = budget.part(_SCREENING_SHARE)
+    natively = descends_natively(ocp, backend, exact_cones=search.exact_cones)
     tried: list[tuple[Origin, FloatArray, SCPResult]] = []
     starts = _starts(task, steps, search, screening) if given is None else _given(given)
     for origin, x in chain(_given(known or {}), starts):
@@ -98,7 +107,7 @@ def multistart(
             ocp,
             x,
             backend,
-            sharpness=COARSE,
+            sharpness=SOFT_SHARPNESS if natively else COARSE,
             iterations=_COARSE_ITERATIONS,
             budget=budget,
             exact_cones=search.exact_cones,
