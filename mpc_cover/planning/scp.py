@@ -35,8 +35,8 @@ SHARPNESS = (4.0, 10.0, 30.0, 100.0)
 """beta times the sensing radius, by stage; finer stages and softer first ones took longer and covered less."""
 
 SOFT_SHARPNESS = (1.0, 2.0, *SHARPNESS)
-"""The stages of descents by the library, which take little time: from rest only so soft a minimum spreads the fleet over
-all that it owes, as observed."""
+"""The stages of descents by the library, which take little time: from rest only so soft a minimum spreads the fleet
+over all that it owes, as observed."""
 
 MARGIN = 0.7
 """Sensing margin times beta; derived from log 2, by which two equally near samples lower the soft minimum."""
