@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from mpc_cover.control.horizon import horizon_ocp
 from mpc_cover.model.look_instants import inter_sample
+from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
 from mpc_cover.planning.segment_refinement import resampled
 
@@ -23,11 +24,13 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.fleet_constraints import FleetConstraints
     from mpc_cover.model.fleet_state import FleetState
-    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.planner import Planner
     from mpc_cover.planning.shortening import Shortening
 
+_HOPS_MAX = 4
+"""Descents in a row in vain after which the rest of a period is left alone; a plain choice: plans that were searched for
+thoroughly are seldom shortened, those made in a hurry mostly by the first of them."""
 _STEPS_MIN = 4
 """Samples below which a rest is not shortened; a plain choice."""
 
@@ -60,11 +63,12 @@ class IdleImprovement:
         self._rest: _Rest | None = None
         self._search: Shortening | None = None
         self._found: Trajectory | None = None
+        self._hops = 0
 
     def begin(self, plan: Trajectory | None, state: FleetState, coverage: DemandMap) -> None:
         """Start over with a mission plan from a state on, which was sent; None for nothing to do."""
         self._given = None if plan is None or plan.steps <= _STEPS_MIN else (plan, state, coverage)
-        self._rest, self._search, self._found = None, None, None
+        self._rest, self._search, self._found, self._hops = None, None, None, 0
 
     def improve(self, budget: Budget) -> bool:
         """Search within a budget; return whether more time may help."""
@@ -76,12 +80,15 @@ class IdleImprovement:
             if self._search is None:
                 self._rest = None
                 break
-            if (velocity := self._search.hop(budget)) is not None:
-                motion, (position, initial) = self._rest.motion, (self._rest.motion.position[0], velocity[0])
-                self._found = type(motion).from_velocities(
-                    position, initial, velocity[1:], motion.start_time, motion.period
-                )
-                self._search = None
+            self._hops += 1
+            if (velocity := self._search.hop(budget)) is None:
+                if self._hops >= _HOPS_MAX:
+                    self._rest = None
+            else:
+                motion = self._rest.motion
+                start = motion.position[0], velocity[0]
+                self._found = Trajectory.from_velocities(*start, velocity[1:], motion.start_time, motion.period)
+                self._search, self._hops = None, 0
         return self._rest is not None
 
     def taken(self, time_s: float) -> Trajectory | None:
