@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from mpc_cover.planning.shortening import Shortening
 
 _HOPS_MAX = 4
-"""Descents in a row in vain after which the rest of a period is left alone; a plain choice: plans that were searched for
-thoroughly are seldom shortened, those made in a hurry mostly by the first of them."""
+"""Descents in a row in vain after which the rest of a period is left alone; a plain choice: plans that were thoroughly
+searched for are seldom shortened, those made in a hurry mostly by the first of them."""
 _STEPS_MIN = 4
 """Samples below which a rest is not shortened; a plain choice."""
 
