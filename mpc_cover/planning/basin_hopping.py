@@ -120,6 +120,11 @@ class Pool:
         """Whether nothing was added yet."""
         return not self._found
 
+    @property
+    def best(self) -> SCPResult:
+        """The best minimum."""
+        return self._found[0]
+
     def add(self, found: SCPResult) -> None:
         """Keep a minimum that is feasible or the first, and neither equal to another one nor worse than a full pool."""
         if (self._found and not found.feasible) or any(self._equal(found, one) for one in self._found):

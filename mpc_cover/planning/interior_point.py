@@ -35,7 +35,7 @@ _DENSE_MAX = 420
 """Variables up to which the whole fleet is factorised at once; plain choice."""
 _STAGE_STEPS = 15
 """Newton steps after which a stage ends anyway; a plain choice that few stages reach."""
-_STEPS_MAX = 120
+_STEPS_MAX = 200
 """Newton steps of a descent; a plain choice, which descents of the thesis' cases reach when they do not converge."""
 _OVERSHOOT = (0.5, 0.2, 0.1)
 """Parts of their limits by which speeds and inputs may exceed them during a descent: at soft, sharper and sharp minima.
