@@ -35,9 +35,9 @@ choices."""
 _REST_HOPS, _REST_LEFT, _REST_GAP = 4, 0.03, 0.06
 """Hops for each length; the part of the demand up to which the best motion may leave some for them; and the relative
 gap between the shortest sufficient length and the longest insufficient one that is not bisected. Plain choices."""
-_MANY = 9
+_MANY = 16
 """Agents from which on plans from rest are made shorter instead of comparing them with guesses, which take long to make
-and are worse; a plain choice: guesses for ten agents take seconds."""
+and are worse; a plain choice: guesses for twenty agents take seconds."""
 _UPPER_SHARE, _LOWER_SHARE = 0.92, 0.76
 """Parts of the length of initial guesses: refined plans nearly always exist at the first and never at the second, as
 observed. The bisection over lengths starts from them."""
