@@ -109,8 +109,8 @@ def plan(
     Parameters
     ----------
     mission : of double integrators; its `planning` says for how long, and between which ends.
-    backend : QP back-end: piqp, which None stands for, clarabel or osqp; of the formulation cvxpy any solver that CVXPY
-        has, None for clarabel.
+    backend : native, which None stands for, or the QP back-end of an SQP: piqp, clarabel or osqp; of the formulation
+        cvxpy any solver that CVXPY has, None for clarabel.
     seed : of the random starts.
     starts : initial guesses that are told apart.
     time_limit_s : the search goes on until then [s] while anything is left over.
@@ -136,7 +136,7 @@ def plan(
     _refuse("plan", problems)
     loaded = load_mission(mission)
     require_double(loaded)
-    backend = backend or (DEFAULT_SOLVER if formulation == Formulation.CVXPY else "piqp")
+    backend = backend or (DEFAULT_SOLVER if formulation == Formulation.CVXPY else "native")
     own = _extra(extra)
     limits = (starts, time_limit_s, min_time, exact_cones)
     found = plan_mission(loaded, PlanOptions(backend, seed, *limits, formulation=formulation, extra=own))
@@ -160,7 +160,7 @@ def simulate(
     Parameters
     ----------
     controller : mpc, the receding horizon; or potential, the distributed law, each agent by itself.
-    backend : QP back-end of mpc: piqp, which None stands for, clarabel or osqp.
+    backend : solver of mpc: native, which None stands for, piqp, clarabel or osqp.
     seed : of whatever is random: guesses, noise, gusts, the turns of the potential law.
     deaths : the mission times [s] at which agents die, by id, as if their processes were killed.
 
@@ -180,7 +180,7 @@ def simulate(
     check_deaths(killed, loaded)
     if controller == ControllerName.POTENTIAL:
         return _simulate_potential(loaded, seed, killed)
-    flown = fly(loaded, backend=backend or "piqp", seed=seed, deaths=killed)
+    flown = fly(loaded, backend=backend or "native", seed=seed, deaths=killed)
     times = np.array([step.tick_time_s for step in flown.steps if step.kind is StepKind.STEP], dtype=float)
     return SimulationResult(flown.trajectory, flown.complete, flown.outcome, flown.lost, times, tuple(flown.events))
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.cvxpy_extra.extra import Extra
 
-DEFAULT_BACKEND = "piqp"
+DEFAULT_BACKEND = "native"
 CONTROLLERS = (ControllerName.MPC, ControllerName.POTENTIAL)
 
 MissionArgument = Annotated[
@@ -31,11 +31,13 @@ OptionalMission = Annotated[
 Missions = Annotated[
     list[str], typer.Argument(metavar="MISSION...", help="Mission files (YAML), or names of those that come along.")
 ]
-Backend = Annotated[str, typer.Option("--backend", metavar="NAME", help="QP back-end: piqp, clarabel or osqp.")]
+Backend = Annotated[
+    str, typer.Option("--backend", metavar="NAME", help="native, or the QP back-end of an SQP: piqp, clarabel or osqp.")
+]
 FlightBackend = Annotated[
     str | None,
     typer.Option(
-        "--backend", metavar="NAME", help="QP back-end of the mpc controller: piqp (the default), clarabel or osqp."
+        "--backend", metavar="NAME", help="solver of the mpc controller: native (the default), piqp, clarabel or osqp."
     ),
 ]
 ControllerOption = Annotated[

@@ -68,7 +68,7 @@ def plan(
         typer.Option(
             "--backend",
             metavar="NAME",
-            help="piqp (the default), clarabel or osqp; of cvxpy any solver that it has, by default clarabel.",
+            help="native (the default), piqp, clarabel or osqp; of cvxpy any solver that it has, by default clarabel.",
         ),
     ] = None,
     as_json: Json = False,

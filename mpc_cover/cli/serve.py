@@ -27,7 +27,7 @@ def serve(
     stay: Annotated[bool, typer.Option("--stay", help="Go on answering after the mission is complete.")] = False,
     out: RunOut = None,
     seed: Seed = 0,
-    backend: Backend = "piqp",
+    backend: Backend = "native",
     speed: Speed = 1.0,
     step_log: StepLog = None,
     with_parent: WithParent = False,

@@ -62,7 +62,7 @@ class PlanOptions:
     extra : a user's terms and constraints, of the formulation cvxpy.
     """
 
-    backend: str = "piqp"
+    backend: str = "native"
     seed: int = 0
     starts: int = SEARCH.starts
     time_limit_s: float | None = None

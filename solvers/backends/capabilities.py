@@ -27,6 +27,7 @@ class Capabilities:
         reasonable time.
     entry_iteration_s: time of an iteration per stored entry of A [s].
     variables_max: the most variables of a QP that it is given; it has been seen to bear about so many.
+    whole_problem: whether `solvers.native` descends on the whole problem in its place, where it can.
     """
 
     second_order_cones: bool
@@ -35,6 +36,7 @@ class Capabilities:
     accurate: float
     entry_iteration_s: float
     variables_max: int = 100_000
+    whole_problem: bool = False
 
     def __post_init__(self) -> None:
         """Raise `ValueError` for non-positive numbers, or tolerances in the wrong order."""

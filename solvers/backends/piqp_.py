@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, final
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import piqp
@@ -71,7 +71,6 @@ class _Layout:
         return y
 
 
-@final
 class PIQPBackend(Backend):
     """PIQP's sparse solver. `warm_start` has no effect: an interior-point method has none."""
 

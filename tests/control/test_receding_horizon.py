@@ -353,6 +353,6 @@ def test_a_flight_goes_on_with_another_back_end_and_says_who_answered(monkeypatc
     able = replace(BACKENDS["piqp"].capabilities, variables_max=1)
     monkeypatch.setattr(BACKENDS["piqp"], "capabilities", able)
     mission = small_mission()
-    coverage, _, proposals = fly(mission, RecedingHorizon(mission))
+    coverage, _, proposals = fly(mission, RecedingHorizon(mission, backend="piqp"))
     assert coverage.complete
     assert any("QPs answered by others: clarabel " in proposal.reason for proposal in proposals)

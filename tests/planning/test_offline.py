@@ -117,7 +117,7 @@ def limited(monkeypatch, **most):
 
 
 def test_qps_too_large_for_the_back_end_are_solved_by_the_next_and_the_plan_says_so(monkeypatch):
-    mission, options = changed_box(), PlanOptions(starts=2)
+    mission, options = changed_box(), PlanOptions(starts=2, backend="piqp")
     assert set(plan_mission(mission, options).meta["qps"]) == {"piqp"}
     limited(monkeypatch, piqp=1)
     plans = [plan_mission(mission, options) for _ in range(2)]
@@ -130,7 +130,8 @@ def test_where_no_back_end_bears_the_qps_the_plan_says_so(monkeypatch):
     limited(monkeypatch, piqp=1, clarabel=1, osqp=1)
     spec = json.loads(changed_box().to_json())
     spec["planning"]["duration_s"] = 4.0
-    plan = plan_mission(build_mission(spec, "too short for everything"), PlanOptions(starts=2))
+    mission = build_mission(spec, "too short for everything")
+    plan = plan_mission(mission, PlanOptions(starts=2, backend="piqp"))
     assert plan.meta["qps"] == {}
     assert check_trajectory(plan).holds
     assert "more than any back-end" in plan.meta["stopped"]

@@ -52,7 +52,7 @@ class Other(ScriptedBackend):
     capabilities = replace(ScriptedBackend.capabilities, accurate=1e-4, entry_iteration_s=3e-8)
 
 
-@pytest.mark.parametrize("first", BACKENDS)
+@pytest.mark.parametrize("first", ORDER)
 @pytest.mark.parametrize(("excess", "solver"), [((0, 0, 0), 0), ((1, 0, 0), 1), ((1, 1, 0), 2)])
 def test_a_qp_goes_to_the_first_in_order_that_bears_it(
     first: str, excess: Sequence[int], solver: int, monkeypatch: pytest.MonkeyPatch
@@ -82,7 +82,7 @@ def test_a_qp_that_nobody_bears_is_refused_with_all_limits_and_changes_nothing(m
     assert backend.solve().x == pytest.approx(-np.ones(3), abs=1e-3)
 
 
-@pytest.mark.parametrize("first", BACKENDS)
+@pytest.mark.parametrize("first", ORDER)
 def test_cones_go_to_those_that_have_them(first: str, monkeypatch: pytest.MonkeyPatch) -> None:
     disc = SecondOrderCones(sp.csc_array(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])), np.array([1.0, 0, 0]), (3,))
     backend = with_fallbacks(first)
