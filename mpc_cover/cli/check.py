@@ -24,11 +24,14 @@ def check(
     from mpc_cover.trajectory_file import load_trajectory  # noqa: PLC0415
     from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
     from mpc_cover.verification.summary import summarise  # noqa: PLC0415
+    from mpc_cover.view.progress import ProgressLine  # noqa: PLC0415
     from mpc_cover.view.tables import print_area_seen, print_report  # noqa: PLC0415
 
     trajectory = load_trajectory(find_trajectory(file))
     console = console_for(as_json=as_json)
-    report = check_trajectory(trajectory)
+    with ProgressLine() as line:
+        line.begin(f"verifies {file}")
+        report = check_trajectory(trajectory)
     if (own := load_extra_option(extra)) is not None:
         from mpc_cover.planning.cvxpy_extra.checks import with_extra  # noqa: PLC0415 - CVXPY takes a second
 

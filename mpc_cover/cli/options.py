@@ -53,6 +53,7 @@ Speed = Annotated[
 RunOut = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Run folder; default runs/MISSION-DATE-TIME.")
 ]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write over what --out holds already.")]
 Kill = Annotated[
     list[str] | None,
     typer.Option("--kill", metavar="AGENT@SECONDS", help="Let an agent die at a mission time [s]; may be repeated."),

@@ -13,6 +13,7 @@ from mpc_cover.cli.options import (
     DEFAULT_BACKEND,
     ExtraOption,
     Json,
+    Overwrite,
     Seed,
     check_backend,
     check_seconds,
@@ -43,8 +44,12 @@ def plan(
         Path | None, typer.Option("--all", metavar="DIR", help="Plan every mission of a folder instead.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Trajectory file, or with --all the folder; default plan.npz, plans.")
+        Path | None,
+        typer.Option(
+            "--out", help="Trajectory file, or with --all the folder; default plan.npz, plan-2.npz, ...; plans."
+        ),
     ] = None,
+    overwrite: Overwrite = False,
     starts: Annotated[int, typer.Option("--starts", min=1, max=1000, help="Guesses to tell apart.")] = 10,
     time_limit: Annotated[
         float | None, typer.Option("--time-limit", help="Seconds to search; whatever the limit, the result holds.")
@@ -81,7 +86,7 @@ def plan(
     """
     from mpc_cover.planning.cvxpy_extra.solver_names import DEFAULT_SOLVER  # noqa: PLC0415
     from mpc_cover.planning.offline import Formulation, PlanOptions  # noqa: PLC0415 - --help needs none of these
-    from mpc_cover.studies.plans import plan_files  # noqa: PLC0415
+    from mpc_cover.studies.plans import plan_files, plan_targets  # noqa: PLC0415
 
     with_cvxpy = formulation == Formulation.CVXPY
     if not with_cvxpy:
@@ -108,7 +113,8 @@ def plan(
     )
     console, several = console_for(as_json=as_json), everything is not None
     try:
-        results = plan_files(everything or mission or "box-3", out, options, console, folder=several, profile=profile)
+        files = plan_targets(everything or mission or "box-3", out, folder=several, overwrite=overwrite)
+        results = plan_files(files, options, console, profile=profile)
     except KeyboardInterrupt:
         sys.stderr.write("mpc-cover: interrupted before any plan was found: nothing is written\n")
         raise typer.Exit(exit_status(interrupted=True)) from None

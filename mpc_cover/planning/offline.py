@@ -17,7 +17,7 @@ from mpc_cover.model.local_frame import LocalFrame
 from mpc_cover.model.look_instants import looks_of_plans
 from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.cvxpy_extra.solver_names import check_solver
-from mpc_cover.planning.min_time import FAILURES
+from mpc_cover.planning.min_time import FAILURES, Watcher
 from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import End, Task
@@ -87,14 +87,28 @@ class PlanOptions:
             raise UserError(f"exact cones: {self.backend} has no second-order cones: use {' or '.join(able)}")
 
 
+@dataclass(frozen=True)
+class SearchNews:
+    """What a search is doing, as texts.
+
+    Attributes
+    ----------
+    state : what it tries, and the best plan so far.
+    result : the plan that was just found; empty where this is no news of one.
+    """
+
+    state: str
+    result: str = ""
+
+
 def plan_mission(
     mission: Mission,
     options: PlanOptions | None = None,
-    on_progress: Callable[[str], None] | None = None,
+    on_progress: Callable[[SearchNews], None] | None = None,
 ) -> Recording:
     """Return the best plan found, with the boundary conditions of the mission's `planning` section.
 
-    Deterministic without a time limit. `on_progress` is called with lines of text on the search. The meta of the
+    Deterministic without a time limit. `on_progress` is called with news of the search. The meta of the
     recording holds cost, guess and residuals. A plan that is returned after a
     KeyboardInterrupt has `interrupted` in its meta.
 
@@ -115,23 +129,26 @@ def plan_mission(
     best, interrupted = _Best(task.period, frame.length, on_progress), False
     try:
         if options.min_time:
-            found = planner.shortest(task, search, budget, best.note, failures=FAILURES if limit_s is None else None)
+            found = planner.shortest(task, search, budget, best, failures=FAILURES if limit_s is None else None)
         elif duration_s is None:  # as long as it takes
-            found = planner.shortest(task, search, budget, best.note, failures=0)
+            found = planner.shortest(task, search, budget, best, failures=0)
         else:
             steps = round(duration_s / task.period)
             rounds = SEARCH.rounds if limit_s is None else None
-            found = planner.fixed(task, steps, replace(search, rounds=rounds), budget, best.note)
+            best.tries(steps)
+            found = planner.fixed(task, steps, replace(search, rounds=rounds), budget, best.found)
     except KeyboardInterrupt:
-        if not options.keep_on_interrupt or best.found is None:
+        if not options.keep_on_interrupt or best.best is None:
             raise
-        found, interrupted = best.found, True
+        found, interrupted = best.best, True
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
     return _recording(mission, options, frame, found, planner.qps_answered, interrupted=interrupted)
 
 
-def _plan_with_cvxpy(mission: Mission, options: PlanOptions, on_progress: Callable[[str], None] | None) -> Recording:
+def _plan_with_cvxpy(
+    mission: Mission, options: PlanOptions, on_progress: Callable[[SearchNews], None] | None
+) -> Recording:
     """Return the best plan found by subproblems in CVXPY; see `plan_mission`. It may violate a user's constraint."""
     from mpc_cover.planning.cvxpy_extra.evaluation import evaluate  # noqa: PLC0415 - CVXPY takes a second
     from mpc_cover.planning.cvxpy_problem import StatusLog  # noqa: PLC0415 - likewise
@@ -143,15 +160,15 @@ def _plan_with_cvxpy(mission: Mission, options: PlanOptions, on_progress: Callab
     search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
     best, log = _Best(task.period, frame.length, on_progress), StatusLog(options.backend.upper())
     run, interrupted = (
-        CvxpySearch(task, mission, frame, search, options.extra, log, budget, best.keep, best.note),
+        CvxpySearch(task, mission, frame, search, options.extra, log, budget, best.keep, best.found),
         False,
     )
     try:
         found = run.as_long_as_it_takes() if duration_s is None else run.fixed(round(duration_s / task.period))
     except KeyboardInterrupt:
-        if not options.keep_on_interrupt or best.found is None:
+        if not options.keep_on_interrupt or best.best is None:
             raise
-        found, interrupted = best.found, True
+        found, interrupted = best.best, True
     if not found.feasible:
         raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
     recording = _recording(mission, options, frame, found, {}, interrupted=interrupted)
@@ -192,25 +209,40 @@ def offline_task(mission: Mission, frame: LocalFrame | None = None) -> Task:
     )
 
 
-class _Best:
-    """Keeps the best of the plans that a search tells of, and passes the news on as lines of text."""
+class _Best(Watcher):
+    """Keeps the best of the plans that a search tells of, and passes the news on as texts."""
 
-    def __init__(self, period: float, unit_m: float, on_progress: Callable[[str], None] | None) -> None:
-        self.found: Candidate | None = None
-        self._period, self._unit_m, self._on_progress = period, unit_m, on_progress
+    def __init__(self, period: float, unit_m: float, on_progress: Callable[[SearchNews], None] | None) -> None:
+        self.best: Candidate | None = None
+        self._period, self._unit_m, self._on_progress = period, unit_m, on_progress or (lambda _: None)
+        self._tried = self._said = ""
 
-    def note(self, steps: int, candidate: Candidate) -> None:
-        """Take in a plan of so many steps, and tell of it."""
+    def tries(self, steps: int) -> None:
+        """Say that plans of so many steps are looked for."""
+        self._tried = f"tries {steps * self._period:.4g} s"
+        self._on_progress(SearchNews(self._state))
+
+    def found(self, steps: int, candidate: Candidate) -> None:
+        """Take in a plan of so many steps: a shorter one is better where both cover everything."""
         self.keep(steps, candidate)
-        if self._on_progress is not None:
-            outcome = "covers everything" if candidate.complete else f"J = {self._unit_m * candidate.cost:.4g} m"
-            self._on_progress(f"{steps * self._period:.4g} s: {outcome} ({candidate.origin.name})")
+        result = self._described(steps, candidate)
+        self._on_progress(SearchNews(self._state, "" if result == self._said else result))
+        self._said = result
+
+    @property
+    def _state(self) -> str:
+        best = "no plan yet" if self.best is None else self._described(self.best.plan.steps, self.best)
+        return f"{self._tried}; best so far {best}"
+
+    def _described(self, steps: int, candidate: Candidate) -> str:
+        outcome = "covers everything" if candidate.complete else f"J = {self._unit_m * candidate.cost:.4g} m"
+        return f"{steps * self._period:.4g} s: {outcome} ({candidate.origin.name})"
 
     def keep(self, steps: int, candidate: Candidate) -> None:
         """Take in a plan of so many steps: a shorter one is better where both cover everything."""
         del steps
-        if candidate.feasible and (self.found is None or self._merit(candidate) <= self._merit(self.found)):
-            self.found = candidate
+        if candidate.feasible and (self.best is None or self._merit(candidate) <= self._merit(self.best)):
+            self.best = candidate
 
     @staticmethod
     def _merit(candidate: Candidate) -> tuple[bool, float]:

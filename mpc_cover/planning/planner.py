@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.candidate import Candidate
+    from mpc_cover.planning.min_time import Watcher
     from mpc_cover.planning.ocp import OCP
     from mpc_cover.planning.scp import SCPResult
     from mpc_cover.planning.task import Task
@@ -127,14 +128,12 @@ class Planner:
         task: Task,
         search: Search,
         budget: Budget,
-        on_progress: Callable[[int, Candidate], None] | None = None,
+        watcher: Watcher | None = None,
         *,
         failures: int | None = FAILURES,
     ) -> Candidate:
         """Plan for the whole demand in as few steps as the search finds; see `min_time.plan_min_time`."""
-        return plan_min_time(
-            task, self._backend, search=search, budget=budget, on_progress=on_progress, failures=failures
-        )
+        return plan_min_time(task, self._backend, search=search, budget=budget, watcher=watcher, failures=failures)
 
     def polish(self, ocp: OCP, x: FloatArray, iterations: int, budget: Budget) -> SCPResult:
         """Improve a motion that is already good by a few QPs; for many looks, by one with fewer samples per term."""

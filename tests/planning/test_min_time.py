@@ -12,7 +12,7 @@ from motions import EXHAUSTED, PERIOD, UNLIMITED, grid
 from mpc_cover.mission.load import load_mission
 from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.guess import GuessKind
-from mpc_cover.planning.min_time import plan_free_horizon, plan_min_time
+from mpc_cover.planning.min_time import Watcher, plan_free_horizon, plan_min_time
 from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.offline import offline_task
 from mpc_cover.planning.task import Task
@@ -96,18 +96,29 @@ def test_it_is_deterministic():
 
 
 def test_the_shortest_plan_is_complete_and_one_sample_less_was_tried():
-    task, told = small_task(), []
+    task, told, tried = small_task(), [], []
+
+    class Told(Watcher):
+        def tries(self, steps):
+            tried.append(steps)
+
+        def found(self, steps, candidate):
+            told.append((steps, candidate.complete))
+
     found = plan_min_time(
         task,
         make_backend("piqp"),
         search=Search(starts=4, finalists=1),
         budget=UNLIMITED,
-        on_progress=lambda n, c: told.append((n, c.complete)),
+        watcher=Told(),
         failures=1,
     )
     assert found.complete
     assert holds(task, found.plan)
     assert told[-1] == (found.plan.steps - 1, False)
+    assert (found.plan.steps, True) in told
+    assert tried[-1] == found.plan.steps - 1
+    assert set(tried) <= {steps for steps, _ in told}
 
 
 def test_a_large_task_that_nothing_keeps_gets_an_answer_that_says_so():

@@ -14,8 +14,8 @@ from mpc_cover.cli import app
 from mpc_cover.errors import UserError
 from mpc_cover.studies.benchmark import (
     Race,
+    RaceProgress,
     as_dict,
-    check_folder,
     curves_of,
     guesses_of,
     rows_of,
@@ -90,10 +90,8 @@ def test_files_hold_what_the_table_shows(race, mission, tmp_path):
     assert files[2].read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_folder_that_cannot_be_written_is_found_out_first(race, mission, tmp_path):
+def test_a_folder_that_cannot_be_written(race, mission, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(UserError, match="cannot be written"):
-        check_folder(tmp_path / "file")
     with pytest.raises(UserError, match="cannot be written"):
         write_benchmark(tmp_path / "file", mission, [race], Limit(7.0))
 
@@ -106,12 +104,34 @@ def test_guesses_by_name():
 
 
 def test_everyone_gets_the_same_guess(mission):
-    told = []
-    races = run_benchmark(mission, "all", "ours-native", Limit(30.0), lambda guess, run: told.append((guess, run.name)))
+    told, limit = Told(), Limit(30.0)
+    races = run_benchmark(mission, "all", "ours-native", limit, RaceProgress(told, limit))
     assert [race.guess for race in races] == ["boustrophedon", "rest"]
     for race in races:
         assert race.runs[0].seen[0][1] == race.before
-    assert set(told) == {("boustrophedon", "ours-native"), ("rest", "ours-native")}
+    assert told.begun == [("from boustrophedon, 1 of 1: ours-native", 30.0), ("from rest, 1 of 1: ours-native", 30.0)]
+    assert told.shown[0] == "sets up"
+    assert told.shown[-1].startswith("J = 0 m at ")
+
+
+def test_progress_compares_with_those_before(race):
+    told = Told()
+    RaceProgress(told, Limit(30.0, cpu_time=True)).starts("slsqp", "from rest, 2 of 2", race.runs[:1])
+    assert told.begun == [("from rest, 2 of 2: slsqp", None)], "how much wall time that takes is not known"
+    assert told.shown[0].startswith("sets up; best so far ours-native, J = ")
+
+
+class Told:
+    """Stands in for a line of progress."""
+
+    def __init__(self):
+        self.begun, self.shown = [], []
+
+    def begin(self, what, limit_s=None):
+        self.begun.append((what, limit_s))
+
+    def show(self, text, part=None):
+        self.shown.append(text)
 
 
 @pytest.fixture
