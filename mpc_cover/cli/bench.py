@@ -78,7 +78,7 @@ def planner(
 @app.command()
 def step(
     mission: OptionalMission = "box-3",
-    backend: Backend = "piqp",
+    backend: Backend = "native",
     as_json: Json = False,
 ) -> None:
     """Fly a mission in closed loop and show where the milliseconds of a control step go."""

@@ -38,7 +38,7 @@ def serve(
     out: RunOut = None,
     overwrite: Overwrite = False,
     seed: Seed = 0,
-    backend: Backend = "piqp",
+    backend: Backend = "native",
     speed: Speed = 1.0,
     step_log: StepLog = None,
     with_parent: WithParent = False,

@@ -76,7 +76,7 @@ def laws(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for laws.csv and laws.json.")] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=10_000, help="How many seeds, from 0 on.")] = 3,
     starts: Annotated[str, typer.Option("--starts", help="random: drawn for each seed; mission: its own.")] = "random",
-    backend: Backend = "piqp",
+    backend: Backend = "native",
     jobs: Jobs = None,
     overwrite: Overwrite = False,
     as_json: Json = False,
@@ -109,7 +109,7 @@ def horizon(
         str | None, typer.Option("--periods", help="Control periods in seconds; default each mission's own.")
     ] = None,
     seeds: Annotated[int, typer.Option("--seeds", help="How many seeds, from 0 on.")] = 20,
-    backends: Annotated[str, typer.Option("--backends", help="QP back-ends: piqp, clarabel, osqp.")] = "piqp",
+    backends: Annotated[str, typer.Option("--backends", help="Solvers: native, piqp, clarabel, osqp.")] = "native",
     controllers: Annotated[str, typer.Option("--controllers", help="Among mpc, sweep, potential.")] = "mpc",
     starts: Annotated[
         str, typer.Option("--starts", help="random: drawn for each seed; mission: the mission's.")

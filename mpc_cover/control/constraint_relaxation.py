@@ -61,7 +61,22 @@ class MotionBounds:
         return self.failure(path, start) is None
 
     def failure(self, path: Path, start: State) -> str | None:
-        """Return the first bound that a motion from `start` violates, in words; None where it satisfies all."""
+        """Return the first bound that a motion from `start` violates, in words; None where it satisfies all.
+
+        A step asks several times about what is one motion but for the rest at its end: it is verified once.
+        """
+        moving = _until_rest(path)
+        key = (moving.velocity.tobytes(), moving.position.tobytes(), *(np.asarray(part).tobytes() for part in start))
+        if key not in self._verified:
+            self._verified[key] = self._failure(moving, start)
+        return self._verified[key]
+
+    @cached_property
+    def _verified(self) -> dict[tuple[bytes, ...], str | None]:
+        """What is known of motions."""
+        return {}
+
+    def _failure(self, path: Path, start: State) -> str | None:
         arrays = (path.time, path.position, path.velocity, path.force)
         least = replace(self.fleet, separation_min=self.least_separation)
         failed = verify_motion(least, *arrays, at_rest=True, start=start).first_failure
@@ -99,6 +114,15 @@ class MotionBounds:
         flies = fleet.is_active[one]
         mixed = smallest_separations(path.beside(other), (fleet.size + one[flies], two[flies]))
         return _far_enough(mixed, np.tile(required, 2)[flies], fleet)
+
+
+def _until_rest(path: Path) -> Path:
+    """Return a motion until it comes to rest for good."""
+    still = ~path.velocity.any(axis=(1, 2))
+    moving = np.flatnonzero(~still)
+    last = min(int(moving[-1]) + 1 if moving.size else 0, path.velocity.shape[0] - 1)
+    last = max(last, min(1, path.velocity.shape[0] - 1))
+    return Path(path.time[: last + 1], path.position[: last + 1], path.velocity[: last + 1], path.force[:last])
 
 
 def strict_bounds(fleet: FleetConstraints) -> MotionBounds:

@@ -118,7 +118,7 @@ def _ignore(run: Run) -> None:
 
 
 def rows_of(race_: Race) -> list[Row]:
-    """Return a race as the table shows it; times are relative to those of `ours-piqp`, where it takes part."""
+    """Return a race as the table shows it; times are relative to those of `ours-native`, where it takes part."""
     ours = next((run.time_s for run in race_.runs if run.name == OURS and run.answered), None)
     return [_row(run, ours) for run in race_.runs]
 

@@ -97,7 +97,7 @@ class LawsOptions:
     missions: tuple[str, ...]
     seeds: int = 1
     starts: str = Starts.RANDOM
-    backend: str = "piqp"
+    backend: str = "native"
     jobs: int = 1
     overwrite: bool = False
 

@@ -18,17 +18,19 @@ from mpc_cover.output import any_of, check_folder, file_taken, output_path
 from mpc_cover.planning.offline import PlanOptions, plan_mission
 from mpc_cover.trajectory_file import save_trajectory
 from mpc_cover.verification.check import check_trajectory
+from mpc_cover.verification.report import Check, Report
 from mpc_cover.verification.summary import RunSummary, summarise
 from mpc_cover.view.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from rich.console import Console
 
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.offline import SearchNews
 
+_OF_CVXPY = ("formulation", "cvxpy", "extra", "extra_value")
 _PROFILED = 18
 """Lines of a profile."""
 
@@ -102,23 +104,43 @@ def _plan(
         line.begin(f"plans {mission.spec.name}", options.time_limit_s)
         trajectory = plan_mission(mission, options, on_progress=show)
     seconds = time.perf_counter() - begun
-    report = check_trajectory(trajectory)
+    report, own = check_trajectory(trajectory), tuple[Check, ...]()
+    if options.extra is not None:
+        from mpc_cover.planning.cvxpy_extra.checks import check_extra  # noqa: PLC0415 - CVXPY takes a second
+
+        own = check_extra(trajectory, options.extra)
+        report = Report((*report.checks, *own))
     summary = summarise(trajectory, report)
     if report.holds:
         save_trajectory(trajectory, file)
     meta = trajectory.meta
     console.print(
-        f"J = {meta['cost_m']:.6g} m after {meta['subproblems']} subproblems from {meta['guess']}, "
+        f"J = {meta['cost_m']:.6g} m after {meta['subproblems']} subproblems from {meta['guess']}"
+        f"{_by_whom(meta)}, "
         f"{seconds:.2f} s in all. {meta['stopped']}",
         highlight=False,
         soft_wrap=not console.is_terminal,
     )
-    kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual")
+    if (cvxpy := meta.get("cvxpy")) is not None:
+        told = ", ".join(f"{count} {status}" for status, count in cvxpy["statuses"].items()) or "nothing to solve"
+        worth = f"; the terms of {meta['extra']} are worth {meta['extra_value']:.4g}" if "extra" in meta else ""
+        console.print(f"CVXPY ({cvxpy['solver']}): {told}{worth}", highlight=False, markup=False)
+    for check in own:
+        console.print(str(check), highlight=False, markup=False)
+    kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual", "qps", *(_OF_CVXPY if "cvxpy" in meta else ()))
     margins = {check.name: check.margin for check in report.checks if math.isfinite(check.margin)}
     extra = {"file": str(file) if report.holds else None, "computing_time_s": round(seconds, 3), "margins": margins}
     extra["interrupted"] = bool(meta.get("interrupted", False))
     extra |= {name: meta.get(name) for name in kept}
     return summary, extra
+
+
+def _by_whom(meta: Mapping[str, Any]) -> str:
+    """Return in words how many QPs of the search other back-ends answered than the chosen one; empty for none."""
+    qps = meta["qps"]
+    if not any(name != meta["backend"] for name in qps):
+        return ""
+    return " (QPs answered by " + ", ".join(f"{name}: {count}" for name, count in qps.items()) + ")"
 
 
 @contextmanager

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
 
 PLACES = {
+    "descents": ("solvers.native.library:descend",),
+    "evaluation": ("solvers.native.library:evaluate",),
+    "OCPs for the library": ("planning.interior_point:problem_of",),
     "nearest samples": ("coverage.majoriser:nearest_samples", "coverage.objective:nearest_samples"),
     "majoriser": ("planning.subproblem:build_majoriser", "planning.subproblem:coverage_terms"),
     "rows": ("planning.subproblem:motion_rows", "planning.subproblem:bound_rows", "planning.subproblem:pair_rows"),
@@ -37,6 +40,7 @@ PLACES = {
         "control.constraint_relaxation:verify_motion",
         "control.constraint_relaxation:MotionBounds.keeps_mixed",
     ),
+    "attainable bounds": ("control.planning_constraints:PlanningConstraints.update",),
     "splicing": (
         "control.plan_improvement:spliced",
         "control.receding_horizon:best_proposal",
@@ -84,7 +88,8 @@ def profile_steps(
 ) -> dict[str, tuple[float, float, float]]:
     """Fly a mission and return for each part of a step (median [ms], 99th percentile [ms], share of all time).
 
-    "step" is the whole step, "the rest" is in no part. `on_progress` is called with the covered part, 0 to 1.
+    "step" is the whole step, "the rest" is in no part; parts that the back-end lacks are left out. `on_progress`
+    is called with the covered part, 0 to 1.
 
     Raises
     ------
@@ -104,6 +109,7 @@ def profile_steps(
     return {
         name: (float(1e3 * np.median(each)), float(1e3 * np.percentile(each, 99)), float(each.sum()) / whole)
         for name, each in parts.items()
+        if each.any()
     }
 
 

@@ -46,7 +46,7 @@ STATUS_EVERY_S = 2.0
 class ServeOptions:
     """See `mpc-cover serve --help`."""
 
-    backend: str = "piqp"
+    backend: str = "native"
     seed: int = 0
     speed: float = 1.0
     state_dir: Path | None = None
@@ -98,7 +98,7 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
             say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
             controller = _controller(mission, options, folder, transport, clock, identity, record)
             look_s = mission.spec.control.state_period_s
-            run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s)
+            run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s, controller.idle)
         finally:
             transport.close()
         if record is not None:

@@ -58,7 +58,11 @@ def penalised(case: Case, x: FloatArray, watch: Watch) -> Answer:
             break
         options: Any = {
             "bounds": form.bounds(),
-            "options": {"maxiter": LONG if number == len(stages) else ITERATIONS, "maxcor": MEMORY, "maxfun": 10 * LONG},
+            "options": {
+                "maxiter": LONG if number == len(stages) else ITERATIONS,
+                "maxcor": MEMORY,
+                "maxfun": 10 * LONG,
+            },
             "args": (softness.beta, softness.margin, sharpness, form.edges(x)),
         }
         try:
