@@ -38,7 +38,7 @@ COLUMNS = {
     "model": 3.2, "mission": 3.2, APART: 1.1,
 }  # fmt: skip
 """Where a package stands in its layer, from 0 to 10; one that is not named here stands in the middle."""
-BASEMENT = ("errors", "clock", "arrays", "version")
+BASEMENT = ("errors", "clock", "arrays", "version", "exit_status", "output")
 """Everyone may import these: no arrow leads there."""
 JUDGES = ("verification", APART)
 """Drawn in another colour: they share no code with those whose work they judge or do."""

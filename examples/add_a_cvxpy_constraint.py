@@ -1,29 +1,30 @@
-"""Append a constraint of one's own to the convex subproblem, written in CVXPY, and see what it costs.
+"""Plan with a constraint and a term of one's own, written in CVXPY: nobody enters a disc, and inputs cost something.
 
-The subproblem around a plan that leaves something over is solved as it is, then with the north-east corner closed: a
-half-plane that nobody may enter. Its optimum is the majoriser's, in metres, as J is.
-
-Usage: python examples/add_a_cvxpy_constraint.py
+Usage: python examples/add_a_cvxpy_constraint.py; or, in the folder examples,
+mpc-cover plan yard.yaml --formulation cvxpy --extra add_a_cvxpy_constraint:keep_out --out plan.npz
+mpc-cover check plan.npz --extra add_a_cvxpy_constraint:keep_out
 """
 
 from pathlib import Path
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
 
 import mpc_cover
-from mpc_cover.planning.cvxpy_reference import build_cvxpy_subproblem
-from mpc_cover.planning.ocp import Settings, requirements
-from mpc_cover.planning.offline import offline_task
-from mpc_cover.planning.scp import length_scale, softness_at
 
-FENCE_M = 9.5  # x + y of whoever stands at the corner's edge
+CENTRE_M, RADIUS_M = np.array([4.5, 4.5]), 1.0
 
-mission = mpc_cover.load_mission(Path(__file__).parent / "yard.yaml")
-guess = mpc_cover.plan(mission, time_limit_s=1.0)
-ocp = offline_task(mission).ocp(guess.steps)
-settings, x = Settings(softness_at(30.0, length_scale(ocp))), ocp.decision_of(guess)
-reference = build_cvxpy_subproblem(ocp, settings, requirements(ocp, settings.margins), x, radius=1.0)
 
-free = reference.solve()
-reference.constraints += [q[:, 0] + q[:, 1] <= FENCE_M for q in reference.position]
-fenced = reference.solve()
-nearest = max((q.value[:, 0] + q.value[:, 1]).max() for q in reference.position)
-print(f"optimum {free:.3f} m without, {fenced:.3f} m with the corner closed; x + y = {nearest:.3f} at the most")
+def keep_out(motion: mpc_cover.MotionVariables, mission: mpc_cover.Mission) -> tuple[list[Any], dict[str, Any]]:
+    """Keep out of a disc: its outside is not convex, so that a half-plane at the iterate stands for it."""
+    away = motion.iterate.position - CENTRE_M
+    away /= np.maximum(np.linalg.norm(away, axis=2, keepdims=True), 1e-9)
+    outside = cp.sum(cp.multiply(away, motion.position - CENTRE_M), axis=2) >= RADIUS_M
+    return [0.01 * mission.spec.control.period_s * cp.sum_squares(motion.input)], {"disc": outside}
+
+
+if __name__ == "__main__":
+    plan = mpc_cover.plan(Path(__file__).parent / "yard.yaml", formulation="cvxpy", extra=keep_out)
+    nearest = np.linalg.norm(plan.position - CENTRE_M, axis=2).min()
+    print(f"J = {plan.meta['cost_m']:.3f} m, {plan.meta['cvxpy']['status']}; nobody came nearer than {nearest:.3f} m")

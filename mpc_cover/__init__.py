@@ -8,8 +8,9 @@ The public interface; every name is imported when it is first asked for, so that
 True
 
 `load_mission`, `plan`, `simulate`, `check`, `plot`, `load_trajectory` and `save_trajectory` are functions; `Mission`,
-`Trajectory`, `Recording`, `Report` and `SimulationResult` are what they take and return; `UserError` is what all of
-them raise for a mistake that the caller can mend.
+`Trajectory`, `Recording`, `Report` and `SimulationResult` are what they take and return, `MotionVariables` what a
+function of a user's own terms and constraints is given; `UserError` is what all of them raise for a mistake that the
+caller can mend.
 """
 
 from importlib import import_module as _import_module
@@ -22,11 +23,13 @@ if TYPE_CHECKING:
     from mpc_cover.errors import UserError
     from mpc_cover.mission.load import Mission
     from mpc_cover.model.trajectory import Trajectory
+    from mpc_cover.planning.cvxpy_extra.motion_variables import MotionVariables
     from mpc_cover.trajectory_file import Recording, save_trajectory
     from mpc_cover.verification.report import Report
 
 __all__ = [
     "Mission",
+    "MotionVariables",
     "Recording",
     "Report",
     "SimulationResult",
@@ -45,6 +48,7 @@ __all__ = [
 if not TYPE_CHECKING:  # a type checker is to refuse names that there are not
     _ELSEWHERE = {
         "Mission": "mpc_cover.mission.load",
+        "MotionVariables": "mpc_cover.planning.cvxpy_extra.motion_variables",
         "Recording": "mpc_cover.trajectory_file",
         "Report": "mpc_cover.verification.report",
         "Trajectory": "mpc_cover.model.trajectory",

@@ -8,7 +8,7 @@ file or run folder, or as a `Recording`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -24,7 +24,11 @@ from mpc_cover.trajectory_file import load_trajectory as read_trajectory
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
+    from mpc_cover.planning.cvxpy_extra.extra import Extra
+    from mpc_cover.planning.cvxpy_extra.motion_variables import MotionVariables
     from mpc_cover.verification.report import Report
+
+    ExtraSource: TypeAlias = Extra | Callable[[MotionVariables, Mission], Any] | str
 
 MissionSource: TypeAlias = Mission | Mapping[str, Any] | str | Path
 RecordingSource: TypeAlias = Recording | str | Path
@@ -88,12 +92,14 @@ def load_trajectory(source: RecordingSource) -> Recording:
 def plan(
     mission: MissionSource,
     *,
-    backend: str = "piqp",
+    backend: str | None = None,
     seed: int = 0,
     starts: int = 10,
     time_limit_s: float | None = None,
     min_time: bool = False,
     exact_cones: bool = False,
+    formulation: str = "qp",
+    extra: ExtraSource | None = None,
 ) -> Recording:
     """Solve the optimal coverage NLP offline and return the best plan found, as `mpc-cover plan` does.
 
@@ -103,21 +109,26 @@ def plan(
     Parameters
     ----------
     mission : of double integrators; its `planning` says for how long, and between which ends.
-    backend : QP back-end: piqp, clarabel or osqp.
+    backend : native, which None stands for, or the QP back-end of an SQP: piqp, clarabel or osqp; of the formulation
+        cvxpy any solver that CVXPY has, None for clarabel.
     seed : of the random starts.
     starts : initial guesses that are told apart.
     time_limit_s : the search goes on until then [s] while anything is left over.
     min_time : whether to search for the shortest plan that covers everything.
     exact_cones : speeds, inputs and edges as second-order cones, not polygons inside them.
+    formulation : qp, or cvxpy: each subproblem in CVXPY, which is slower.
+    extra : terms and constraints in CVXPY: a function of (motion, mission), a `MotionVariables` and a `Mission`, that
+        returns both; or its name, module:function.
 
     Raises
     ------
     UserError
-        An option that is none, a mission that nobody can plan, or no motion was found that passes the verifier.
+        An option that is none, a mission that nobody can plan, something wrong with what `extra` returns, or no motion
+        was found that passes the verifier and keeps the constraints of `extra`.
     """
     from mpc_cover.control.factory import require_double  # noqa: PLC0415 - as above
-    from mpc_cover.planning.offline import PlanOptions, plan_mission  # noqa: PLC0415
-    from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
+    from mpc_cover.planning.cvxpy_extra.solver_names import DEFAULT_SOLVER  # noqa: PLC0415
+    from mpc_cover.planning.offline import Formulation, PlanOptions, plan_mission  # noqa: PLC0415
 
     problems = [*_no_seed(seed), *_no_time(time_limit_s)]
     if starts < 1:
@@ -125,8 +136,11 @@ def plan(
     _refuse("plan", problems)
     loaded = load_mission(mission)
     require_double(loaded)
-    found = plan_mission(loaded, PlanOptions(backend, seed, starts, time_limit_s, min_time, exact_cones))
-    if (failure := check_trajectory(found).first_failure) is not None:
+    backend = backend or (DEFAULT_SOLVER if formulation == Formulation.CVXPY else "native")
+    own = _extra(extra)
+    limits = (starts, time_limit_s, min_time, exact_cones)
+    found = plan_mission(loaded, PlanOptions(backend, seed, *limits, formulation=formulation, extra=own))
+    if (failure := check(found, extra=own).first_failure) is not None:
         raise UserError(f"mission {loaded.spec.name}: the plan that was found does not pass the verifier: {failure}")
     return found
 
@@ -146,7 +160,7 @@ def simulate(
     Parameters
     ----------
     controller : mpc, the receding horizon; or potential, the distributed law, each agent by itself.
-    backend : QP back-end of mpc: piqp, which None stands for, clarabel or osqp.
+    backend : solver of mpc: native, which None stands for, piqp, clarabel or osqp.
     seed : of whatever is random: guesses, noise, gusts, the turns of the potential law.
     deaths : the mission times [s] at which agents die, by id, as if their processes were killed.
 
@@ -166,25 +180,36 @@ def simulate(
     check_deaths(killed, loaded)
     if controller == ControllerName.POTENTIAL:
         return _simulate_potential(loaded, seed, killed)
-    flown = fly(loaded, backend=backend or "piqp", seed=seed, deaths=killed)
+    flown = fly(loaded, backend=backend or "native", seed=seed, deaths=killed)
     times = np.array([step.tick_time_s for step in flown.steps if step.kind is StepKind.STEP], dtype=float)
     return SimulationResult(flown.trajectory, flown.complete, flown.outcome, flown.lost, times, tuple(flown.events))
 
 
-def check(recording: RecordingSource) -> Report:
+def check(recording: RecordingSource, *, extra: ExtraSource | None = None) -> Report:
     """Verify a recording by code that shares nothing with planning or control, as `mpc-cover check` does.
 
     Looked at are dynamics, limits, separation and connectivity along the continuous path, and the coverage that is
     claimed; each check of the report comes with its margin.
 
+    Parameters
+    ----------
+    extra : as of `plan`: its constraints are further checks, at the samples.
+
     Raises
     ------
     UserError
-        The file cannot be read. What does not hold is in the report, and is no error.
+        The file cannot be read, or something is wrong with what `extra` returns. What does not hold is in the report,
+        and is no error.
     """
     from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415 - as above
 
-    return check_trajectory(load_trajectory(recording))
+    loaded = load_trajectory(recording)
+    report = check_trajectory(loaded)
+    if (own := _extra(extra)) is None:
+        return report
+    from mpc_cover.planning.cvxpy_extra.checks import with_extra  # noqa: PLC0415 - as above
+
+    return with_extra(report, loaded, own)
 
 
 def plot(recording: RecordingSource, folder: str | Path, *, step_times: FloatArray | None = None) -> list[Path]:
@@ -224,6 +249,14 @@ def _simulate_potential(mission: Mission, seed: int, deaths: Mapping[str, float]
     flown = fly_swarm(mission, seed=seed, deaths=deaths)
     times = np.array([taken for each in flown.decision_times_s.values() for taken in each], dtype=float)
     return SimulationResult(flown.trajectory, flown.complete, flown.outcome, flown.lost, times, tuple(flown.events))
+
+
+def _extra(source: ExtraSource | None) -> Extra | None:
+    if source is None:
+        return None
+    from mpc_cover.planning.cvxpy_extra.loading import extra_of  # noqa: PLC0415 - as above
+
+    return extra_of(source)
 
 
 def _no_time(limit_s: float | None) -> list[Problem]:

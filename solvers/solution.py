@@ -26,6 +26,8 @@ class QPSolution:
     solve_time_s: time of this solve alone [s].
     cone_dual: (k,), multipliers of the cones, or None.
     detail: the library's own name for the outcome, or the exception that it raised.
+    backend: name of the back-end.
+    work_per_entry_s: time of its iterations per stored entry of A [s], by the pace that the back-end declares.
     """
 
     x: NDArray[np.float64]
@@ -37,6 +39,8 @@ class QPSolution:
     solve_time_s: float
     cone_dual: NDArray[np.float64] | None = None
     detail: str = field(default="")
+    backend: str = ""
+    work_per_entry_s: float = 0.0
 
     @property
     def ok(self) -> bool:

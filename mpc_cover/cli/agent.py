@@ -18,6 +18,7 @@ from mpc_cover.cli.options import (
     load,
 )
 from mpc_cover.control.controller_name import ControllerName
+from mpc_cover.output import file_taken, output_path
 
 
 def agent(
@@ -30,6 +31,7 @@ def agent(
     record: Annotated[
         Path | None, typer.Option("--record", metavar="FILE", help="Write the exact motion here, as JSON lines.")
     ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Write over what --record holds already.")] = False,
     seed: Seed = 0,
     speed: Speed = 1.0,
     controller: ControllerOption = ControllerName.MPC.value,
@@ -47,6 +49,8 @@ def agent(
 
     check_speed(speed)
     loaded = load(mission)
+    if record is not None:
+        output_path(record, record, file_taken, overwrite=overwrite, option="--record")
     options = AgentOptions(speed, record, with_parent, seed)
     if controller_for(controller, loaded) is ControllerName.POTENTIAL:
         from mpc_cover.service.run.swarm_daemon import run_swarm_agent  # noqa: PLC0415

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path  # noqa: TC003 - typer reads the annotations
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -12,6 +12,7 @@ from mpc_cover.cli.options import (
     CpuTime,
     Json,
     OptionalMission,
+    Overwrite,
     check_backend,
     check_seconds,
     console_for,
@@ -19,9 +20,7 @@ from mpc_cover.cli.options import (
     print_json,
 )
 from mpc_cover.errors import UserError
-
-if TYPE_CHECKING:
-    from mpc_cover.studies.race import Run
+from mpc_cover.output import any_of, check_folder, output_path
 
 app = typer.Typer(
     name="bench",
@@ -46,6 +45,7 @@ def planner(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for bench.json, bench.csv and figures.")
     ] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Solve a mission with our planner and with general-purpose solvers, each judged by the same verifier."""
@@ -54,19 +54,15 @@ def planner(
     from mpc_cover.studies.race import Limit  # noqa: PLC0415
     from mpc_cover.studies.verdict import TOLERANCE  # noqa: PLC0415
     from mpc_cover.view.benchmark import print_benchmark  # noqa: PLC0415
+    from mpc_cover.view.progress import ProgressLine  # noqa: PLC0415
 
     check_seconds("--time-limit", time_limit)
     loaded, console, limit = load(mission), console_for(as_json=as_json), Limit(time_limit, cpu_time)
     require_double(loaded)  # the planner cannot plan for single integrators
     if out is not None:
-        benchmark.check_folder(out)
-    with console.status("starting") as status:
-
-        def show(name: str, run: Run) -> None:
-            best = f"J = {run.best.verdict.cost:.4g} m" if run.best is not None else "no iterate yet"
-            status.update(f"from {name}: {run.name}, {run.time_s:.1f} s, {best}")
-
-        races = benchmark.run_benchmark(loaded, guess, peers, limit, show)
+        check_folder(output_path(out, out, any_of("bench.json", "bench.csv", "bench-*.png"), overwrite=overwrite))
+    with ProgressLine() as line:
+        races = benchmark.run_benchmark(loaded, guess, peers, limit, benchmark.RaceProgress(line, limit))
     for race in races:
         before = f"guess: J = {race.before.cost:.4g} m, {race.before.covered_percent:.2f} % covered"
         title = f"{loaded.spec.name} from {race.guess} ({before}); violations up to {TOLERANCE:g} are forgiven"
@@ -82,19 +78,22 @@ def planner(
 @app.command()
 def step(
     mission: OptionalMission = "box-3",
-    backend: Backend = "piqp",
+    backend: Backend = "native",
     as_json: Json = False,
 ) -> None:
     """Fly a mission in closed loop and show where the milliseconds of a control step go."""
     from mpc_cover.control.factory import require_double  # noqa: PLC0415
     from mpc_cover.studies.step_profile import profile_steps  # noqa: PLC0415
     from mpc_cover.view.benchmark import print_steps  # noqa: PLC0415
+    from mpc_cover.view.progress import ProgressLine  # noqa: PLC0415
 
     check_backend(backend)
     loaded, console = load(mission), console_for(as_json=as_json)
     require_double(loaded)
-    with console.status("planning") as status:
-        parts = profile_steps(loaded, backend, lambda part: status.update(f"flying: {100.0 * part:.1f} % covered"))
+    with ProgressLine() as line:
+        line.begin(f"flies {loaded.spec.name}")
+        line.show("plans before the start")
+        parts = profile_steps(loaded, backend, lambda part: line.show(f"{100.0 * part:.1f} % covered", part))
     print_steps(parts, f"{loaded.spec.name}, {backend}: one control step", console)
     if as_json:
         names = ("median_ms", "p99_ms", "share")
@@ -110,12 +109,14 @@ def maps(
     """Measure a step of the information maps: 100,489 cells, 50 agents, two densities of cells."""
     from mpc_cover.studies.map_timing import AGENTS, ROWS, measure_maps  # noqa: PLC0415
     from mpc_cover.view.benchmark import print_maps  # noqa: PLC0415
+    from mpc_cover.view.progress import ProgressLine  # noqa: PLC0415
 
     if not 1 <= steps <= MOST_STEPS:
         raise UserError(f"--steps {steps}: must be from 1 to {MOST_STEPS}")
     console = console_for(as_json=as_json)
-    with console.status("measuring"):
-        rows = measure_maps(steps, cpu_time=cpu_time)
+    with ProgressLine() as line:
+        line.begin("measures maps")
+        rows = measure_maps(steps, cpu_time=cpu_time, on_progress=line.show)
     title = f"{ROWS**2} cells, {AGENTS} agents: a step of the map, its gamma included"
     print_maps(rows, title + ("; processor time" if cpu_time else ""), console)
     if as_json:

@@ -12,6 +12,7 @@ from mpc_cover.cli.options import (
     Json,
     Kill,
     OptionalMission,
+    Overwrite,
     RunOut,
     Seed,
     Speed,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 def demo(
     mission: OptionalMission = "box-3",
     out: RunOut = None,
+    overwrite: Overwrite = False,
     seed: Seed = 0,
     backend: FlightBackend = None,
     speed: Speed = 1.0,
@@ -46,7 +48,7 @@ def demo(
     """Fly a mission with a controller and its agents as real processes over Zenoh on loopback."""
     from mpc_cover.service.run.demo_processes import DemoOptions  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.service.run.fault_injection import parse_kills  # noqa: PLC0415
-    from mpc_cover.service.run.run_folder import RunFolder, default_folder  # noqa: PLC0415
+    from mpc_cover.service.run.run_folder import RunFolder, run_path  # noqa: PLC0415
     from mpc_cover.trajectory_file import RecordingKind  # noqa: PLC0415
 
     check_speed(speed)
@@ -55,7 +57,7 @@ def demo(
     deaths = parse_kills(kill or [], loaded)
     distributed = controller_for(controller, loaded) is ControllerName.POTENTIAL
     fly = _fly_distributed if distributed else _fly_centralised
-    folder = RunFolder(out or default_folder(loaded), RecordingKind.DEMO, loaded)
+    folder = RunFolder(run_path(out, loaded, overwrite=overwrite), RecordingKind.DEMO, loaded)
     console = console_for(as_json=as_json)
     fleet = f"{loaded.fleet.size} agents, {loaded.field.size} cells"
     console.print(f"{loaded.spec.name}: {fleet}; run folder {folder.path}", highlight=False, markup=False)

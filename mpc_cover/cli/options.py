@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from mpc_cover.mission.load import Mission
+    from mpc_cover.planning.cvxpy_extra.extra import Extra
 
-DEFAULT_BACKEND = "piqp"
+DEFAULT_BACKEND = "native"
 CONTROLLERS = (ControllerName.MPC, ControllerName.POTENTIAL)
 
 MissionArgument = Annotated[
@@ -30,11 +31,13 @@ OptionalMission = Annotated[
 Missions = Annotated[
     list[str], typer.Argument(metavar="MISSION...", help="Mission files (YAML), or names of those that come along.")
 ]
-Backend = Annotated[str, typer.Option("--backend", metavar="NAME", help="QP back-end: piqp, clarabel or osqp.")]
+Backend = Annotated[
+    str, typer.Option("--backend", metavar="NAME", help="native, or the QP back-end of an SQP: piqp, clarabel or osqp.")
+]
 FlightBackend = Annotated[
     str | None,
     typer.Option(
-        "--backend", metavar="NAME", help="QP back-end of the mpc controller: piqp (the default), clarabel or osqp."
+        "--backend", metavar="NAME", help="solver of the mpc controller: native (the default), piqp, clarabel or osqp."
     ),
 ]
 ControllerOption = Annotated[
@@ -50,6 +53,7 @@ Speed = Annotated[
 RunOut = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Run folder; default runs/MISSION-DATE-TIME.")
 ]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write over what --out holds already.")]
 Kill = Annotated[
     list[str] | None,
     typer.Option("--kill", metavar="AGENT@SECONDS", help="Let an agent die at a mission time [s]; may be repeated."),
@@ -59,6 +63,14 @@ Jobs = Annotated[
 ]
 CpuTime = Annotated[
     bool, typer.Option("--cpu-time", help="Measure processor time, on a machine with other work to do.")
+]
+ExtraOption = Annotated[
+    str | None,
+    typer.Option(
+        "--extra",
+        metavar="MODULE:FUNCTION",
+        help="Your terms and constraints in CVXPY, a function(motion, mission).",
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout, all else on stderr.")]
 
@@ -92,6 +104,15 @@ def check_backend(name: str) -> None:
 
     if name not in BACKENDS:
         raise UserError(f"--backend {name}: is none: must be one of {', '.join(BACKENDS)}")
+
+
+def load_extra_option(name: str | None) -> Extra | None:
+    """Return the function that `--extra` names, None for none; the module may lie in the current folder."""
+    if name is None:
+        return None
+    from mpc_cover.planning.cvxpy_extra.loading import load_extra  # noqa: PLC0415 - CVXPY takes a second
+
+    return load_extra(name)
 
 
 def flight_backend(name: str | None, controller: str) -> str:

@@ -8,7 +8,17 @@ from typing import Annotated
 import typer
 
 from mpc_cover.cli.network_options import Config, Connect, Listen, Timeout, WithParent, network_options
-from mpc_cover.cli.options import Backend, MissionArgument, RunOut, Seed, Speed, check_backend, check_speed, load
+from mpc_cover.cli.options import (
+    Backend,
+    MissionArgument,
+    Overwrite,
+    RunOut,
+    Seed,
+    Speed,
+    check_backend,
+    check_speed,
+    load,
+)
 
 StepLog = Annotated[Path | None, typer.Option("--step-log", hidden=True, help="Append each step's figures here.")]
 
@@ -26,15 +36,17 @@ def serve(
     fresh: Annotated[bool, typer.Option("--fresh", help="Start afresh, whatever the checkpoint says.")] = False,
     stay: Annotated[bool, typer.Option("--stay", help="Go on answering after the mission is complete.")] = False,
     out: RunOut = None,
+    overwrite: Overwrite = False,
     seed: Seed = 0,
-    backend: Backend = "piqp",
+    backend: Backend = "native",
     speed: Speed = 1.0,
     step_log: StepLog = None,
     with_parent: WithParent = False,
 ) -> None:
     """Control a mission: wait for its agents, plan, and send them plans until everything is covered.
 
-    What was flown is left in a run folder, as `demo` leaves one; after a restart, what was flown since.
+    What was flown is left in a run folder, as `demo` leaves one; after a restart, what was flown since, in a folder of
+    its own: DIR-2, DIR-3, ...
 
     Without -e, -l and --config it listens on tcp/127.0.0.1:7474, where `mpc-cover agent` looks for it.
     """
@@ -48,5 +60,5 @@ def serve(
     loaded = load(mission)
     require_double(loaded)  # before anything listens
     network = network_options(connect, listen, config, connect_timeout, default_listen=DEFAULT_ENDPOINT)
-    options = ServeOptions(backend, seed, speed, state_dir, fresh, stay, step_log, with_parent, out)
+    options = ServeOptions(backend, seed, speed, state_dir, fresh, stay, step_log, with_parent, out, overwrite)
     raise typer.Exit(run_serve(loaded, options, network))

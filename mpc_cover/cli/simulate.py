@@ -12,6 +12,7 @@ from mpc_cover.cli.options import (
     Json,
     Kill,
     MissionArgument,
+    Overwrite,
     RunOut,
     Seed,
     console_for,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 def simulate(
     mission: MissionArgument,
     out: RunOut = None,
+    overwrite: Overwrite = False,
     seed: Seed = 0,
     backend: FlightBackend = None,
     kill: Kill = None,
@@ -49,14 +51,14 @@ def simulate(
     Ctrl-C ends the flight: what was flown until then is written, and the exit status is 130.
     """
     from mpc_cover.service.run.fault_injection import parse_kills  # noqa: PLC0415 - --help needs none of these
-    from mpc_cover.service.run.run_folder import RunFolder, default_folder  # noqa: PLC0415
+    from mpc_cover.service.run.run_folder import RunFolder, run_path  # noqa: PLC0415
     from mpc_cover.trajectory_file import RecordingKind  # noqa: PLC0415
 
     solver = flight_backend(backend, controller)
     loaded = load(mission)
     deaths = parse_kills(kill or [], loaded)
     distributed = controller_for(controller, loaded) is ControllerName.POTENTIAL
-    folder = RunFolder(out or default_folder(loaded), RecordingKind.SIMULATE, loaded)
+    folder = RunFolder(run_path(out, loaded, overwrite=overwrite), RecordingKind.SIMULATE, loaded)
     console = console_for(as_json=as_json)
     if distributed:
         summary, extra, status = _fly_distributed(loaded, seed, deaths, folder, console)
@@ -75,7 +77,7 @@ def _fly_centralised(
     from mpc_cover.service.run.run_folder import step_times_of  # noqa: PLC0415
     from mpc_cover.service.run.simulate import simulate as run_simulation  # noqa: PLC0415
 
-    with Progress(console) as progress:
+    with Progress() as progress:
         result = run_simulation(
             mission, backend=backend, seed=seed, deaths=deaths, on_tick=progress.show, keep_on_interrupt=True
         )
@@ -100,7 +102,7 @@ def _fly_distributed(
     from mpc_cover.service.run.progress import Progress  # noqa: PLC0415
     from mpc_cover.service.run.swarm_simulate import fly_swarm  # noqa: PLC0415
 
-    with Progress(console) as progress:
+    with Progress() as progress:
         flight = fly_swarm(mission, seed=seed, deaths=deaths, on_tick=progress.show, keep_on_interrupt=True)
     console.print(flight.outcome, highlight=False, markup=False, soft_wrap=True)
     times = np.array([time_s for each in flight.decision_times_s.values() for time_s in each])

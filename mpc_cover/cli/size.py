@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from mpc_cover.cli.options import Json, console_for, print_json
+from mpc_cover.cli.options import Json, Overwrite, console_for, print_json
+from mpc_cover.output import any_of, check_folder, output_path
 
 
 def size(
@@ -29,28 +30,30 @@ def size(
     ] = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="The first seed.")] = 0,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for figures 1.1 and 1.2.")] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """How many agents for a wanted rate of measurement, what rate for a number, and how far the model is off."""
     from mpc_cover.studies.sizing_study import (  # noqa: PLC0415 - --help need not wait for these
         SizingOptions,
         draw_sizing,
-        make_folder,
         parse_numbers,
         sizing_problem,
     )
     from mpc_cover.studies.sizing_study import size as answer_of  # noqa: PLC0415
+    from mpc_cover.view.progress import ProgressLine  # noqa: PLC0415
 
     console = console_for(as_json=as_json)
 
     def show(text: str) -> None:
-        console.print(text, highlight=False, markup=False, soft_wrap=True)
+        console.print(text, highlight=False, markup=False, soft_wrap=not console.is_terminal)
 
     problem = sizing_problem(area, radius, speed, cover)
     options = SizingOptions(rate, parse_numbers(agents), seeds, horizon_seeds, seed)
     if out is not None:
-        make_folder(out)
-    answer = answer_of(problem, options, show)
+        check_folder(output_path(out, out, any_of("size.json", "figure-1.[12]*.png"), overwrite=overwrite))
+    with ProgressLine() as line:
+        answer = answer_of(problem, options, line.begin)
     show(answer.text)
     for file in draw_sizing(answer, out) if out is not None else []:
         show(f"written to {file}")

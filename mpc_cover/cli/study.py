@@ -9,7 +9,17 @@ from typing import Annotated
 
 import typer
 
-from mpc_cover.cli.options import Backend, Jobs, Json, Missions, check_backend, console_for, cores, print_json
+from mpc_cover.cli.options import (
+    Backend,
+    Jobs,
+    Json,
+    Missions,
+    Overwrite,
+    check_backend,
+    console_for,
+    cores,
+    print_json,
+)
 from mpc_cover.errors import UserError
 from mpc_cover.exit_status import exit_status
 
@@ -40,6 +50,7 @@ def thesis(
         int, typer.Option("--seeds", min=0, max=100_000, help="Fly chapters 5 and 6 from so many random starts, too.")
     ] = 0,
     jobs: Jobs = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Draw every figure of the thesis as ours, on one page, each with the command that made it.
@@ -49,7 +60,7 @@ def thesis(
     from mpc_cover.studies.thesis_study import ThesisOptions, run_thesis  # noqa: PLC0415 - --help need not wait for it
 
     console = console_for(as_json=as_json)
-    options = ThesisOptions(seed, seeds, tuple(only or ()), jobs or cores())
+    options = ThesisOptions(seed, seeds, tuple(only or ()), jobs or cores(), overwrite)
     result = run_thesis(out, options, console, shlex.join(["mpc-cover", *sys.argv[1:]]))
     for problem in result.problems:
         console.print(problem, style="bold red", highlight=False, markup=False)
@@ -65,8 +76,9 @@ def laws(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for laws.csv and laws.json.")] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=10_000, help="How many seeds, from 0 on.")] = 3,
     starts: Annotated[str, typer.Option("--starts", help="random: drawn for each seed; mission: its own.")] = "random",
-    backend: Backend = "piqp",
+    backend: Backend = "native",
     jobs: Jobs = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Compare the receding horizon and the potential law on equal dynamics: time, distance, effort, traffic, computing.
@@ -76,7 +88,7 @@ def laws(
     from mpc_cover.studies.laws import LawsOptions, run_laws  # noqa: PLC0415 - --help need not wait for it
 
     check_backend(backend)
-    options = LawsOptions(tuple(missions), seeds, starts, backend, jobs or cores())
+    options = LawsOptions(tuple(missions), seeds, starts, backend, jobs or cores(), overwrite)
     runs = run_laws(options, out, console_for(as_json=as_json))
     if as_json:
         from msgspec.structs import asdict  # noqa: PLC0415
@@ -97,7 +109,7 @@ def horizon(
         str | None, typer.Option("--periods", help="Control periods in seconds; default each mission's own.")
     ] = None,
     seeds: Annotated[int, typer.Option("--seeds", help="How many seeds, from 0 on.")] = 20,
-    backends: Annotated[str, typer.Option("--backends", help="QP back-ends: piqp, clarabel, osqp.")] = "piqp",
+    backends: Annotated[str, typer.Option("--backends", help="Solvers: native, piqp, clarabel, osqp.")] = "native",
     controllers: Annotated[str, typer.Option("--controllers", help="Among mpc, sweep, potential.")] = "mpc",
     starts: Annotated[
         str, typer.Option("--starts", help="random: drawn for each seed; mission: the mission's.")

@@ -77,6 +77,12 @@ def stop_instants(reaction: float) -> list[StopInstant]:
     return [StopInstant(lag, 0.0)] if part < STEP_ROUNDING else [StopInstant(lag, part), StopInstant(lag - 1, 0.0)]
 
 
+def braking_separations(fleet: FleetConstraints) -> FloatArray:
+    """Return the (pairs,) distances [m] that braking agents and followers keep, with a margin; 0 for lost agents."""
+    one, two = all_pairs(fleet.size)
+    return np.where(fleet.is_active[one] & fleet.is_active[two], fleet.separations + _MARGIN, 0.0)
+
+
 def braking_encounters(
     position: FloatArray,
     velocity: FloatArray,
@@ -95,8 +101,7 @@ def braking_encounters(
         return _none(moment, fleet.dimension)
     one, two = all_pairs(fleet.size)
     stopper, follower = np.concatenate([one, two]), np.concatenate([two, one])
-    required = np.tile(fleet.separations + _MARGIN, 2)
-    required = np.where(fleet.is_active[stopper] & fleet.is_active[follower], required, 0.0)
+    required = np.tile(braking_separations(fleet), 2)
     place, speed = _within((position, velocity), last, part, period)
     bound = _distance_bounds((position, velocity), (place, speed), period, fleet, lag)[:, stopper, follower]
     sample, case = np.nonzero((required > 0.0) & (bound < required + reach))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from mpc_cover.control.recovery import Mode
@@ -61,4 +61,13 @@ class ControlLaw(Protocol):
 
     def published(self, trajectory: Trajectory) -> None:
         """Notify the law that a proposed trajectory was sent; only trajectories notified here become the incumbent."""
+        ...
+
+
+@runtime_checkable
+class ImprovesWhenIdle(Protocol):
+    """A control law that can use the time between two steps."""
+
+    def improve(self, budget: Budget) -> bool:
+        """Search on for better plans; return whether more time may help. Nothing is sent before the next step."""
         ...

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from mpc_cover.control.control_law import ImprovesWhenIdle
 from mpc_cover.model.cell_blocks import CellBlocks
 from mpc_cover.model.local_frame import LocalFrame
 
@@ -50,6 +51,10 @@ class LocalFrameLaw:
         metric = self._frame.metric(proposal.trajectory, state.position, state.velocity)
         self._proposed = metric, proposal.trajectory
         return replace(proposal, trajectory=metric)
+
+    def improve(self, budget: Budget) -> bool:
+        """Let the law improve its plan between two steps; return whether more time may help."""
+        return isinstance(self._law, ImprovesWhenIdle) and self._law.improve(budget)
 
     def published(self, trajectory: Trajectory) -> None:
         """Notify the law of what was sent."""

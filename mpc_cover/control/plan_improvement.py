@@ -89,14 +89,14 @@ class PlanImprovement:
         sooner = now.cost == 0.0 and steps > _MIN_STEPS
         if not (sooner and safe):
             found, improved = self._resolved(plan, fleet, demand, segment, steps, budget)
-            if found.feasible and found.merit < now.merit and self._is_safe(improved, plan, state, incumbent):
+            if found.feasible and found.merit < now.merit and self.is_safe(improved, plan, state, incumbent):
                 return improved, "more coverage"
         if not sooner:
             return plan, "no better"
         # a plan that cannot be made passively safe is shortened as it is, if it does not become less safe
         bounds = fleet if safe else replace(fleet, reaction_periods=0.0)
         found, improved = self._resolved(plan, bounds, demand, segment, steps - 1, budget)
-        if found.complete and self._is_safe(improved, plan, state, incumbent):
+        if found.complete and self.is_safe(improved, plan, state, incumbent):
             return improved, "a sample sooner"
         return plan, "no sample sooner"
 
@@ -155,7 +155,7 @@ class PlanImprovement:
             found = self._planner.polish(ocp, x, _MAX_QPS, budget.part(_BUDGET_SHARE))
             if found.complete:
                 taken = spliced(plan, ocp.motion(found.x)[1], segment)
-                if self._is_safe(taken, plan, state, incumbent):
+                if self.is_safe(taken, plan, state, incumbent):
                     return taken
         return None
 
@@ -165,7 +165,7 @@ class PlanImprovement:
         left = remaining_weight(plan.position[: segment + 1], self._cell, radius, late)
         return np.asarray((late > 0.0) & (left == 0.0))
 
-    def _is_safe(self, plan: Trajectory, known: Trajectory, state: FleetState, incumbent: Trajectory | None) -> bool:
+    def is_safe(self, plan: Trajectory, known: Trajectory, state: FleetState, incumbent: Trajectory | None) -> bool:
         """Return whether a plan satisfies the bounds, also if an agent misses it, and is passively safe."""
         constraints = self._constraints
         return (

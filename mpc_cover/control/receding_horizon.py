@@ -16,6 +16,7 @@ from mpc_cover.control.candidate_generation import CandidateGenerator
 from mpc_cover.control.control_law import PlanSource, Proposal
 from mpc_cover.control.demand_allocation import DemandAllocation
 from mpc_cover.control.fallback_policy import best_proposal, stop_proposal
+from mpc_cover.control.idle_improvement import IdleImprovement
 from mpc_cover.control.plan_improvement import PlanImprovement
 from mpc_cover.control.planning_constraints import PlanningConstraints
 from mpc_cover.control.recovery import Mode, ReplanHistory, Situation, next_mode, stays_at
@@ -27,6 +28,8 @@ from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import Task
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mpc_cover.arrays import FloatArray
     from mpc_cover.information.demand import DemandMap
     from mpc_cover.mission.load import Mission
@@ -64,7 +67,7 @@ class RecedingHorizon:
     Parameters
     ----------
     mission : field, fleet and control parameters.
-    backend : QP back-end: piqp, clarabel or osqp.
+    backend : native, or the QP back-end of an SQP: piqp, clarabel or osqp.
     seed : kept as an attribute for records; with budgets of counted work the law is deterministic.
     planner : searches for plans; one with that back-end where it is left out.
     """
@@ -72,17 +75,19 @@ class RecedingHorizon:
     tolerates_losses = True
 
     def __init__(
-        self, mission: Mission, *, backend: str = "piqp", seed: int = 0, planner: Planner | None = None
+        self, mission: Mission, *, backend: str = "native", seed: int = 0, planner: Planner | None = None
     ) -> None:
         self.seed = seed
         self._field, self._period = mission.field, mission.spec.control.period_s
         self._substeps = mission.spec.control.substeps
         self._planning_s = mission.spec.control.planning_time_s
         self._constraints = PlanningConstraints(mission)
-        planner = planner or Planner(backend)
+        self._planner = planner = planner or Planner(backend)
         self._allocation = DemandAllocation(mission.field)
         self._candidates = CandidateGenerator(mission, self._constraints, self._allocation, planner)
         self._improvement = PlanImprovement(mission, self._constraints, self._allocation, planner)
+        self._idle = IdleImprovement(mission, self._constraints, self._allocation, planner)
+        self._known: tuple[FleetState, DemandMap] | None = None
         self._incumbent: Trajectory | None = None
         self._law_state = _LawState(None, None, Mode.NOMINAL, ReplanHistory(self._planning_s))
         self._proposed: tuple[Trajectory, _LawState] | None = None
@@ -97,6 +102,13 @@ class RecedingHorizon:
         self._incumbent = trajectory
         if self._proposed is not None and self._proposed[0] is trajectory:
             self._law_state = self._proposed[1]
+        if self._known is not None and self._substeps == 1:
+            nominal = self._law_state.mode is Mode.NOMINAL
+            self._idle.begin(self._law_state.plan if nominal else None, *self._known)
+
+    def improve(self, budget: Budget) -> bool:
+        """Improve the rest of the mission plan between two steps; return whether more time may help."""
+        return self._idle.improve(budget)
 
     def step(self, state: FleetState, coverage: DemandMap, budget: Budget) -> Proposal:
         """Return a proposal from the predicted state on; never raises for numerical reasons.
@@ -110,7 +122,11 @@ class RecedingHorizon:
         self._allocation.update(state, underway, self._constraints.planned, self._period)
         if state.settled:
             budget = budget.extended((self._law_state.history.time_factor - 1.0) * self._planning_s)
+        self._known = state, coverage
+        others = self._planner.qps_of_others()
         proposal, law = self._decide(state, coverage, budget)
+        if (now := self._planner.qps_of_others()) != others:
+            proposal = replace(proposal, reason=f"{proposal.reason}; {_fallen_back(others, now)}")
         self._proposed = proposal.trajectory, law
         self._law_state = _if_not_sent(self._law_state, law)
         return proposal
@@ -118,7 +134,7 @@ class RecedingHorizon:
     def _decide(self, state: FleetState, coverage: DemandMap, budget: Budget) -> tuple[Proposal, _LawState]:
         """Return what to propose, and the state of the law once it is sent."""
         law = self._law_state
-        rest = None if state.settled else self._rest_of(law.plan, state)
+        rest = None if state.settled else self._improved_rest(self._rest_of(law.plan, state), state, coverage)
         situation = Situation(
             settled=state.settled,
             work_left=bool((coverage.owed & self._constraints.reachable).any()),
@@ -277,6 +293,16 @@ class RecedingHorizon:
         rest = state.trajectory(plan.velocity[done + 1 :], self._period)
         return rest if self._constraints.keeps(rest, state) else None
 
+    def _improved_rest(self, rest: Trajectory | None, state: FleetState, coverage: DemandMap) -> Trajectory | None:
+        """Return what was found in the idle time if it is shorter, as safe, and covers no less; else the rest."""
+        found = self._idle.taken(state.time)
+        if rest is None or found is None or found.steps >= rest.steps:
+            return rest
+        shorter = state.trajectory(found.velocity[1:], self._period)
+        if (self._left_by(shorter, state, coverage) > self._left_by(rest, state, coverage)).any():
+            return rest
+        return shorter if self._improvement.is_safe(shorter, rest, state, self._incumbent) else rest
+
     def _resting(self, state: FleetState) -> Trajectory:
         """Return the motion that stays where the fleet is, of one sample."""
         return Trajectory.at_rest(state.position, state.time, self._period, 0)
@@ -287,6 +313,12 @@ class RecedingHorizon:
         between = inter_sample(later, fleet.look_instants)
         weight, _ = self._allocation.left(coverage, state, later.position, fleet.radius, between)
         return weight * self._constraints.reachable
+
+
+def _fallen_back(before: Mapping[str, int], now: Mapping[str, int]) -> str:
+    """Return in words which back-ends answered how many QPs in place of the chosen one."""
+    more = {name: count - before.get(name, 0) for name, count in now.items()}
+    return "QPs answered by others: " + ", ".join(f"{name} {count}" for name, count in more.items() if count)
 
 
 def _if_not_sent(present: _LawState, found: _LawState) -> _LawState:

@@ -182,6 +182,8 @@ class Control(Model):
     horizon_steps: Annotated[int, Field(ge=2, le=400)] = 20
     deadline_fraction: Annotated[float, Field(gt=0, le=0.9)] = 0.5
     """Part of the period that a control step may take before it falls back to the next best plan."""
+    improvement_share: Annotated[float, Field(ge=0, le=0.9)] = 0.6
+    """Part of the period in which the rest of the plan may be improved after a control step; 0 for none."""
     planning_time_s: Positive = 6.0
     """Bound on the thorough planning before the start, while the fleet is at rest; doubled, up to eightfold, whenever
     it was too short for a plan worth flying."""

@@ -16,6 +16,8 @@ TIE = 1e-9
 choice, far below any cell."""
 _PIECES = 4
 """Pieces of an interval in each of which the nearest point is sought; a plain choice, as distances have two minima."""
+_STRIP = 1.01
+"""Half the width, in sensing radii, of the strip of cells along an axis that are looked at; 1 but for rounding."""
 _PERIOD_ROUNDING = 1e-6
 """Looks closer than a period by less than this part of it count as a period apart; a plain choice."""
 
@@ -58,8 +60,16 @@ def covered_at(
     if looks > 1:
         return _looked_at(time, position, cell, radius, looks, period)
     first = np.full((radius.shape[1], cell.shape[0]), np.inf)
+    order = np.argsort(cell[:, 0])
+    across = cell[order, 0]
+    farthest = _STRIP * np.maximum(radius.max(axis=1), 0.0)
     for t, now in zip(time, position, strict=True):
-        first = np.where(measured(now, cell, radius), np.minimum(first, t), first)
+        low, high = (np.searchsorted(across, now[:, 0] + side * farthest) for side in (-1.0, 1.0))
+        for agent in np.flatnonzero(farthest > 0.0):
+            strip = order[low[agent] : high[agent]]
+            strip = strip[np.isinf(first[:, strip]).any(axis=0)]
+            seen = measured(now[[agent]], cell[strip], radius[[agent]])
+            first[:, strip] = np.where(seen, np.minimum(first[:, strip], t), first[:, strip])
     return np.asarray(first.max(axis=0))
 
 

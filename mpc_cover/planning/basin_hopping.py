@@ -16,6 +16,8 @@ from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.planning.scp import (
     MARGIN,
     REFINEMENT_REGION,
+    SHARPNESS,
+    descends_natively,
     evaluate,
     is_better,
     length_scale,
@@ -32,10 +34,23 @@ if TYPE_CHECKING:
     from mpc_cover.planning.scp import SCPResult
     from solvers.backends.base import Backend
 
-_AMPLITUDES = (0.15, 0.3, 0.6, 1.0, 2.0)
+_AMPLITUDES = (0.02, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
 """Amplitudes of perturbations, in sensing radii: small ones repair, large ones rearrange. Plain choices."""
-_MODES = 4
-"""Sine modes of a perturbation over the horizon: smooth enough to be nearly feasible. Plain choice."""
+_MODES = (2, 9)
+"""Least number of sine modes of a perturbation over the horizon, and one more than the largest: smooth enough to be
+nearly feasible. Plain choices."""
+_ALONE_SHARE = 0.5
+"""Part of the perturbations that move a single agent; a plain choice."""
+_POOL, _EQUAL = 12, 0.02
+"""Minima that are kept, and the difference in merit and displacement, in sensing radii, from which on two minima count
+as two; plain choices."""
+_KICKED_SHARE, _KICKS = 0.6, (2.0, 4.0, 8.0)
+"""Part of the hops that increase the weights of what is left, and the factors; plain choices."""
+_FIRST_STAGES = (0.4, 0.4, 0.2)
+"""Parts of the hops that begin at the first, second and third stage of the continuation: the softer the first, the more
+of the motion is rearranged. Plain choices."""
+_NATIVE_HOPS = 10
+"""Hops by descents of the library that take the place of one by QPs; it takes longer than they do, as measured."""
 _START_SHARE = 0.5
 """Amplitude of the perturbation of a free start, relative to that of the motion; a plain choice."""
 _MARGINS = (MARGIN, 0.5 * MARGIN)
@@ -68,28 +83,96 @@ def basin_hopping(
     """Return the best of `best` and the minima found from its perturbations; anytime.
 
     Every third hop perturbs one of the decision vectors `guesses`, in turn, as the basin itself may be a poor one.
-    `rounds` bounds the hops, None for as many as the budget allows; `seed` is that of the perturbations;
-    `on_progress` is called with each better result.
+    `rounds` bounds the hops (ten times as many of the library's), None for as many as the budget allows; `seed` is that
+    of the perturbations; `on_progress` is called with each better result.
     """
     rng = np.random.default_rng(seed)
-    scale, stages, done = length_scale(ocp), best.stages, 0
+    if rounds is not None and descends_natively(ocp, backend, exact_cones=exact_cones):
+        rounds *= _NATIVE_HOPS
+    pool, stages, done = Pool(ocp), best.stages, 0
+    pool.add(best)
     while not best.complete and not budget.exhausted and (rounds is None or done < rounds):
         done += 1
-        base = best.x
+        base = pool.drawn(rng)
         if guesses and done % _GUESS_EVERY == 0:
-            base = guesses[(done // _GUESS_EVERY - 1) % len(guesses)]
-        x = perturbed(ocp, base, float(rng.choice(_AMPLITUDES)) * scale, rng)
-        margin = float(rng.choice(_MARGINS))
-        found = optimise(
-            ocp, x, backend, region=REFINEMENT_REGION, margin=margin, budget=budget, exact_cones=exact_cones
-        )
+            base = evaluate(ocp, guesses[(done // _GUESS_EVERY - 1) % len(guesses)])
+        found = hop(ocp, base, backend, rng, budget=budget, exact_cones=exact_cones)
         stages += found.stages
+        pool.add(found)
         if is_better(found, best):
             best = reweighted(ocp, replace(found, stages=()), backend, budget=budget, exact_cones=exact_cones)
             stages += best.stages
+            pool.add(best)
             if on_progress is not None:
                 on_progress(best)
     return replace(best, stages=stages)
+
+
+class Pool:
+    """The best minima found that differ from each other, the best first."""
+
+    def __init__(self, ocp: OCP) -> None:
+        self._ocp = ocp
+        self._found: list[SCPResult] = []
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing was added yet."""
+        return not self._found
+
+    @property
+    def best(self) -> SCPResult:
+        """The best minimum."""
+        return self._found[0]
+
+    def add(self, found: SCPResult) -> None:
+        """Keep a minimum that is feasible or the first, and neither equal to another one nor worse than a full pool."""
+        if (self._found and not found.feasible) or any(self._equal(found, one) for one in self._found):
+            return
+        self._found = sorted([*self._found, found], key=lambda one: (not one.feasible, one.merit))[:_POOL]
+
+    def drawn(self, rng: np.random.Generator) -> SCPResult:
+        """Return one at random, rather a good one."""
+        return self._found[int(len(self._found) * rng.random() ** 2)]
+
+    def _equal(self, one: SCPResult, other: SCPResult) -> bool:
+        scale = length_scale(self._ocp)
+        if abs(one.merit - other.merit) > _EQUAL * scale:
+            return False
+        apart = np.abs(self._ocp.motion(one.x)[0] - self._ocp.motion(other.x)[0])
+        return float(apart.max()) <= _EQUAL * scale
+
+
+def hop(
+    ocp: OCP,
+    base: SCPResult,
+    backend: Backend,
+    rng: np.random.Generator,
+    *,
+    budget: Budget,
+    exact_cones: bool = False,
+) -> SCPResult:
+    """Return the minimum found from a perturbation of a motion, with greater weights of some of what it leaves."""
+    scale, weight = length_scale(ocp), ocp.weight
+    x = perturbed(ocp, base.x, float(rng.choice(_AMPLITUDES)) * scale, rng)
+    if rng.random() < _KICKED_SHARE:
+        position, velocity = ocp.motion(base.x)
+        left = remaining_weight(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.between(velocity)) > 0.0
+        weight = np.where(left, float(rng.choice(_KICKS)) * weight, weight)
+    sharpness = SHARPNESS[int(rng.choice(len(_FIRST_STAGES), p=_FIRST_STAGES)) :]
+    margin = float(rng.choice(_MARGINS))
+    heavier = replace(ocp, weight=weight)
+    found = optimise(
+        heavier,
+        x,
+        backend,
+        sharpness=sharpness,
+        region=REFINEMENT_REGION,
+        margin=margin,
+        budget=budget,
+        exact_cones=exact_cones,
+    )
+    return found if weight is ocp.weight else replace(evaluate(ocp, found.x), stages=found.stages)
 
 
 def reweighted(ocp: OCP, best: SCPResult, backend: Backend, *, budget: Budget, exact_cones: bool = False) -> SCPResult:
@@ -132,9 +215,11 @@ def perturbed(ocp: OCP, x: FloatArray, amplitude: float, rng: np.random.Generato
     """
     position, velocity = ocp.motion(x)
     phase = np.linspace(0.0, np.pi, ocp.steps + 1)
-    mode = np.arange(1, _MODES + 1)
+    mode = np.arange(1, int(rng.integers(*_MODES)) + 1)
     sines = np.sin(phase[:, None] * mode) / np.sqrt(mode)
-    size = rng.normal(scale=amplitude, size=(_MODES, *position.shape[1:]))
+    size = rng.normal(scale=amplitude, size=(mode.size, *position.shape[1:]))
+    if rng.random() < _ALONE_SHARE:
+        size[:, np.arange(position.shape[1]) != rng.integers(position.shape[1])] = 0.0
     moved = np.einsum("nk,kmd->nmd", sines, size)
     faster = velocity + np.gradient(moved, ocp.period, axis=0)
     start = (

@@ -83,6 +83,11 @@ class Budget:
         return cls(_WallClock(), math.inf)
 
     @property
+    def counts(self) -> bool:
+        """Whether work is counted instead of time."""
+        return self._clock.counts
+
+    @property
     def left_s(self) -> float:
         """Time left [s]; negative once the deadline is exceeded."""
         return self._deadline - self._clock.now()

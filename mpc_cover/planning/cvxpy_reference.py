@@ -1,7 +1,7 @@
 """The convex subproblem in CVXPY: the reference formulation of `subproblem`.
 
-Tests compare the hand-assembled QP with it. A researcher can append terms to `terms` or constraints to
-`constraints` and solve with any CVXPY solver. Canonicalisation makes it too slow for a control loop.
+Tests compare the hand-assembled QP with it. `planning.cvxpy_scp` appends the terms and constraints of users to it and
+solves it with any CVXPY solver. Canonicalisation makes it too slow for a control loop.
 """
 
 from __future__ import annotations
@@ -42,16 +42,22 @@ class CvxpySubproblem:
 
     Attributes
     ----------
-    position, velocity, force : lists over samples of (m, d) expressions [m], [m/s], [m/s^2].
+    position, velocity : (N+1, m, d) expressions [m], [m/s].
+    force : (N, m, d) expression, the inputs [m/s^2].
     terms : convex terms of the objective; their sum is minimised.
     constraints : CVXPY constraints.
     """
 
-    position: list[Any]
-    velocity: list[Any]
-    force: list[Any]
+    position: Any
+    velocity: Any
+    force: Any
     terms: list[Any]
     constraints: list[Any]
+
+    @property
+    def states(self) -> Any:
+        """All positions, then all velocities, as a (2 (N+1) m d,) expression, in the order of `rows.Layout`."""
+        return cp.hstack([cp.vec(self.position, order="C"), cp.vec(self.velocity, order="C")])
 
     def problem(self) -> Any:
         """Return the CVXPY problem, appended terms and constraints included."""
@@ -59,33 +65,40 @@ class CvxpySubproblem:
 
     def solve(self, solver: str = "CLARABEL", **options: Any) -> float:
         """Solve and return the optimal value."""
-        return float(self.problem().solve(solver=solver, **options))
+        return float(self.problem().solve(solver=solver, canon_backend=cp.SCIPY_CANON_BACKEND, **options))
 
 
 def build_cvxpy_subproblem(
     ocp: OCP, settings: Settings, required: Requirements, x: FloatArray, radius: float
 ) -> CvxpySubproblem:
     """Return the convex subproblem around the decision vector `x`; arguments as in `subproblem.build_subproblem`."""
+    found = build_cvxpy_motion(ocp, settings, required, x, radius)
+    _add_coverage(found, ocp, settings, ocp.motion(x), radius)
+    _add_passive_safety(found, ocp, settings, ocp.motion(x), radius)
+    return found
+
+
+def build_cvxpy_motion(
+    ocp: OCP, settings: Settings, required: Requirements, x: FloatArray, radius: float
+) -> CvxpySubproblem:
+    """Return the subproblem without coverage and passive safety: the motion nearest to `x` that the rest allows.
+
+    `radius` may be infinite: then all that is not elastic holds of a motion, however far from `x`, or of none.
+    """
     bar_q, bar_v = ocp.motion(x)
-    shape = ocp.fleet.start.shape
-    force = [cp.Variable(shape) for _ in range(ocp.steps)]
-    position, velocity = [cp.Variable(shape)], [cp.Variable(shape)]
-    step = ocp.period
-    constraints: list[Any] = []
-    for u in force:
-        q, v = cp.Variable(shape), cp.Variable(shape)
-        constraints += [q == position[-1] + step * velocity[-1] + 0.5 * step**2 * u, v == velocity[-1] + step * u]
-        position.append(q)
-        velocity.append(v)
-    found = CvxpySubproblem(position, velocity, force, [], constraints)
+    shape, step = bar_q.shape, ocp.period
+    position, velocity = cp.Variable(shape, name="position"), cp.Variable(shape, name="velocity")
+    force = cp.Variable((ocp.steps, *shape[1:]), name="input")
+    found = CvxpySubproblem(position, velocity, force, [], [])
+    found.constraints += [
+        position[1:] == position[:-1] + step * velocity[:-1] + 0.5 * step**2 * force,
+        velocity[1:] == velocity[:-1] + step * force,
+    ]
     _add_limits(found, ocp, settings, bar_v)
     _add_bounds(found, ocp, (bar_q, bar_v), radius)
-    _add_coverage(found, ocp, settings, (bar_q, bar_v), radius)
     _add_pairs(found, ocp, settings, required, (bar_q, bar_v), radius)
-    _add_passive_safety(found, ocp, settings, (bar_q, bar_v), radius)
-    for bar, now in ((bar_q, position), (bar_v, velocity)):
-        change = cp.vstack([now[n] - bar[n] for n in range(ocp.steps + 1)])
-        found.terms.append(0.5 * settings.proximal * cp.sum_squares(change))
+    change = cp.sum_squares(position - bar_q) + cp.sum_squares(velocity - bar_v)
+    found.terms.append(0.5 * settings.proximal * change)
     return found
 
 
@@ -93,17 +106,18 @@ def _add_limits(found: CvxpySubproblem, ocp: OCP, settings: Settings, bar_v: Flo
     """Add speed and input limits (4.13, 4.14), as polytopes inscribed in their discs or as cones."""
     facets = inscribed(ocp.fleet.dimension, settings.sides)
     share = settings.margins.limit_share * (1.0 if settings.exact_cones else facets.shrink)
-    for i in range(ocp.fleet.size):
+    for bar, now, limit in (
+        (bar_v[ocp.first :], found.velocity[ocp.first :], share * ocp.fleet.speed_max),
+        (np.diff(bar_v, axis=0), found.force, share * ocp.fleet.input_max),
+    ):
+        flat = cp.reshape(now, (bar.shape[0] * bar.shape[1], bar.shape[2]), order="C")  # a row for sample and agent
+        most = np.tile(limit, bar.shape[0])
         if settings.exact_cones:
-            found.constraints += [cp.norm(v[i]) <= share * ocp.fleet.speed_max[i] for v in found.velocity[ocp.first :]]
-            found.constraints += [cp.norm(u[i]) <= share * ocp.fleet.input_max[i] for u in found.force]
+            found.constraints.append(cp.norm(flat, 2, axis=1) <= most)
             continue
-        for n in range(ocp.first, ocp.steps + 1):
-            speed = turned_normals(facets, bar_v[n])[i]
-            found.constraints.append(cp.abs(speed @ found.velocity[n][i]) <= share * ocp.fleet.speed_max[i])
-        for n, u in enumerate(found.force):
-            force = turned_normals(facets, bar_v[n + 1] - bar_v[n])[i]
-            found.constraints.append(cp.abs(force @ u[i]) <= share * ocp.fleet.input_max[i])
+        normals = turned_normals(facets, bar.reshape(flat.shape))  # (samples * agents, sides, d)
+        across = sp.block_diag(list(normals), format="csr") @ cp.vec(flat, order="C")
+        found.constraints.append(cp.abs(across) <= np.repeat(most, normals.shape[1]))
 
 
 def _add_bounds(found: CvxpySubproblem, ocp: OCP, motion: tuple[FloatArray, FloatArray], radius: float) -> None:
@@ -113,23 +127,22 @@ def _add_bounds(found: CvxpySubproblem, ocp: OCP, motion: tuple[FloatArray, Floa
     between = (fleet.input_max * ocp.period**2 / 8.0)[:, None]  # deviation of a path from its chord
     if has_long_steps(fleet, ocp.period):
         between = 0.0 * between
-        for n in range(ocp.steps):
-            here = bar_q[n] + 0.5 * ocp.period * bar_v[n]
-            control = found.position[n] + 0.5 * ocp.period * found.velocity[n]
-            found.constraints += [
-                control >= np.minimum(fleet.motion_min, here),
-                control <= np.maximum(fleet.motion_max, here),
-            ]
+        here = bar_q[:-1] + 0.5 * ocp.period * bar_v[:-1]
+        control = found.position[:-1] + 0.5 * ocp.period * found.velocity[:-1]
+        found.constraints += [
+            control >= np.minimum(fleet.motion_min, here),
+            control <= np.maximum(fleet.motion_max, here),
+        ]
     given = {0: ends.start_position, ocp.steps: ends.end_position}
-    for n in range(ocp.steps + 1):
-        if given.get(n) is not None:
-            found.constraints.append(found.position[n] == given[n])
-            continue
-        lower = np.maximum(bar_q[n] - radius, np.minimum(fleet.motion_min + between, bar_q[n]))
-        upper = np.minimum(bar_q[n] + radius, np.maximum(fleet.motion_max - between, bar_q[n]))
-        found.constraints += [found.position[n] >= lower, found.position[n] <= upper]
+    free = [n for n in range(ocp.steps + 1) if given.get(n) is None]
+    lower = np.maximum(bar_q - radius, np.minimum(fleet.motion_min + between, bar_q))
+    upper = np.minimum(bar_q + radius, np.maximum(fleet.motion_max - between, bar_q))
+    if free:
+        inside = slice(free[0], free[-1] + 1)
+        found.constraints += [found.position[inside] >= lower[inside], found.position[inside] <= upper[inside]]
+    found.constraints += [found.position[n] == here for n, here in given.items() if here is not None]
     for i in fleet.lost:
-        found.constraints += [q[i] == bar_q[0, i] for q in found.position]
+        found.constraints.append(found.position[:, i] == np.tile(bar_q[0, i], (ocp.steps + 1, 1)))
     for n, velocity in ((0, ends.start_velocity), (ocp.steps, ends.end_velocity)):
         if velocity is not None:
             found.constraints.append(found.velocity[n] == velocity)
@@ -149,7 +162,7 @@ def _add_coverage(
         return
     agents, dimension = ocp.fleet.start.shape
     reach = radius * np.sqrt(dimension)
-    moved = cp.vec(cp.vstack([found.position[n] - bar_q[n] for n in range(ocp.steps + 1)]), order="C")
+    moved = cp.vec(found.position - bar_q, order="C")
     terms, count = majoriser.sample.shape
     row = np.repeat(np.arange(terms), count * dimension)
     column = (majoriser.sample[:, :, None] * dimension + np.arange(dimension)).ravel()
@@ -172,12 +185,7 @@ def _add_coverage_between(
     assert majoriser.bow is not None
     agents, dimension = ocp.fleet.start.shape
     half = motion[0].size
-    parts = [
-        now[n] - bar[n]
-        for bar, now in zip(motion, (found.position, found.velocity), strict=True)
-        for n in range(ocp.steps + 1)
-    ]
-    moved = cp.vec(cp.vstack(parts), order="C")
+    moved = found.states - np.concatenate([part.ravel() for part in motion])
     rows, bends, reach = [], [], np.zeros(majoriser.level.size)
     for (term, nth), flat in np.ndenumerate(majoriser.sample):
         n, i = divmod(int(flat), agents)
@@ -236,7 +244,7 @@ def _add_pairs(
         cones = edge_cones(layout, pairs, required.range, 0.5 * float(between.max()), reach, fleet, ocp.first)
         for bound, plus, minus in zip(cones.bound, cones.plus, cones.minus, strict=True):
             (n, i), (_, j) = (divmod(int(c) // layout.dimension, layout.agents) for c in (plus, minus))
-            found.terms.append(settings.penalty * cp.pos(cp.norm(found.position[n][i] - found.position[n][j]) - bound))
+            found.terms.append(settings.penalty * cp.pos(cp.norm(found.position[n, i] - found.position[n, j]) - bound))
     elif np.isfinite(fleet.communication_range):
         facets = inscribed(layout.dimension, settings.edge_sides)
         slack = 0.5 * float(between.max())
@@ -266,8 +274,8 @@ def _add_elastic(found: CvxpySubproblem, rows: Rows, penalty: float) -> None:
     """Add rows with an l1 penalty: rows that share a slack are penalised by the largest violation among them."""
     if rows.count == 0 or rows.elastic is None:
         return
-    stacked = cp.hstack([cp.vec(part, order="C") for part in (*found.position, *found.velocity)])
-    normal = sp.csr_array((rows.value, (rows.row, rows.column)), shape=(rows.count, stacked.size))
+    states = found.states
+    normal = sp.csr_array((rows.value, (rows.row, rows.column)), shape=(rows.count, states.size))
     slack = cp.Variable(rows.slacks, nonneg=True)
-    found.constraints.append(normal @ stacked - slack[rows.elastic] <= rows.upper)
+    found.constraints.append(normal @ states - slack[rows.elastic] <= rows.upper)
     found.terms.append(penalty * cp.sum(slack))

@@ -1,4 +1,4 @@
-"""A QP back-end whose work is counted: the cost of a QP follows deterministically from its size and iterations."""
+"""A QP back-end whose work is counted: its cost follows from its size and iterations alone."""
 
 from __future__ import annotations
 
@@ -29,8 +29,7 @@ class _Metered:
         """Solve, see `Backend.solve`, and charge what it cost."""
         del time_limit_s  # a wall-clock limit would make the result irreproducible
         solution = self._inner.solve()
-        each_s = _ASSEMBLY_S + self._inner.capabilities.entry_iteration_s * solution.iterations
-        self._charge(each_s * self._inner.qp.A.nnz)
+        self._charge((_ASSEMBLY_S + solution.work_per_entry_s) * self._inner.qp.A.nnz)
         return solution
 
 

@@ -6,22 +6,37 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from mpc_cover.coverage.nearest import remaining_weight
+from mpc_cover.planning.basin_hopping import Pool, hop
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
-from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion, guess_priority
+from mpc_cover.planning.candidate import Candidate, candidate_of, evaluate_guess, evaluate_motion, guess_priority
 from mpc_cover.planning.extension import completions
 from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
-from mpc_cover.planning.initial_guess.guess import GuessKind, rest_guess
+from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
 from mpc_cover.planning.length_bracket import LengthBracket
 from mpc_cover.planning.multistart import Search, multistart, systematic_guesses
-from mpc_cover.planning.segment_refinement import SEGMENT_STEPS, refine_segments
+from mpc_cover.planning.scp import SOFT_SHARPNESS, descends_natively, optimise
+from mpc_cover.planning.segment_refinement import SEGMENT_STEPS, refine_segments, resampled
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.planning.budget import Budget
+    from mpc_cover.planning.ocp import OCP
+    from mpc_cover.planning.scp import SCPResult
     from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
 
+_REST_STEPS, _REST_SHARE = 16, (0.3, 0.7)
+"""First length tried from rest, and the parts of the budget for plans from rest of few and of many agents; plain
+choices."""
+_REST_HOPS, _REST_LEFT, _REST_GAP = 4, 0.03, 0.06
+"""Hops for each length; the part of the demand up to which the best motion may leave some for them; and the relative
+gap between the shortest sufficient length and the longest insufficient one that is not bisected. Plain choices."""
+_MANY = 16
+"""Agents from which on plans from rest are made shorter instead of comparing them with guesses, which take long to make
+and are worse; a plain choice: guesses for twenty agents take seconds."""
 _UPPER_SHARE, _LOWER_SHARE = 0.92, 0.76
 """Parts of the length of initial guesses: refined plans nearly always exist at the first and never at the second, as
 observed. The bisection over lengths starts from them."""
@@ -57,6 +72,16 @@ _LARGE_PASSES, _LARGE_TRIED, _LARGE_SHARE = 3, 3, 0.8
 """Passes over a large plan, guesses that are tried, and the part of the budget that they share; plain choices."""
 
 
+class Watcher:
+    """Is told what a search tries and finds; this one does nothing about it."""
+
+    def tries(self, steps: int) -> None:
+        """Hear that plans of so many steps are looked for."""
+
+    def found(self, steps: int, candidate: Candidate) -> None:
+        """Hear of the best plan found of so many steps, or of a better one."""
+
+
 def plan_free_horizon(
     task: Task,
     backend: Backend,
@@ -64,40 +89,106 @@ def plan_free_horizon(
     attempts: int = _ATTEMPTS,
     search: Search | None = None,
     budget: Budget,
+    watcher: Watcher | None = None,
 ) -> Candidate:
     """Return a short plan that covers the whole demand, or the best one found; anytime.
 
     Starts from a length that is mostly sufficient and bisects between sufficient and insufficient lengths. Plans that
-    leave cells are extended to them at the end. `attempts` bounds the lengths tried.
+    leave cells are extended to them at the end. `attempts` bounds the lengths tried; `watcher` is told of each.
 
     A fleet whose links are shorter than a lane flies in formation; one whose links are hardly longer may.
     """
-    search = search or Search()
+    search, watcher = search or Search(), watcher or Watcher()
+    spread = plan_from_rest(task, backend, budget.part(_REST_SHARE[task.fleet.size >= _MANY]))
+    if spread is None or task.fleet.size < _MANY:
+        guessed = _plan_from_guesses(task, backend, attempts, search, budget, watcher)
+        return guessed if spread is None else min(spread, guessed, key=lambda candidate: candidate.rank)
+    return spread
+
+
+def plan_from_rest(task: Task, backend: Backend, budget: Budget) -> Candidate | None:
+    """Return a short complete plan that spreads the fleet from where it stands, or None.
+
+    Only where the library descends: softly enough, a descent from rest shares the cells out among the agents by itself.
+    The lengths are bisected; each begins from rest, and then from the shortest plan so far, flown faster.
+    """
+    steps, too_short, best = max(_REST_STEPS, task.least_steps), task.least_steps - 1, None
+    resting = rest_guess(task.position)
+    origin = Origin(GuessKind.GIVEN, "spread from rest")
+    while not budget.exhausted:
+        ocp = task.ocp(steps)
+        if not descends_natively(ocp, backend):
+            break
+        starts = [ocp.decision_of(task.flown(resting, steps))]
+        if best is not None:
+            velocity = resampled(best.plan.velocity, steps)
+            starts.append(ocp.exact_ends(ocp.decision(best.plan.position[0], velocity)))
+        if (found := _covered(ocp, starts, backend, budget)) is not None:
+            best = candidate_of(task, steps, found, origin)
+        if best is None or best.plan.steps != steps:
+            too_short = steps
+        steps = 2 * steps if best is None else (too_short + best.plan.steps) // 2
+        if best is not None and best.plan.steps - too_short <= max(1.0, _REST_GAP * best.plan.steps):
+            break
+    return best
+
+
+def _covered(ocp: OCP, starts: list[FloatArray], backend: Backend, budget: Budget) -> SCPResult | None:
+    """Return the first complete motion that descents from some starts, and a few hops from there, find; or None."""
+    pool, rng = Pool(ocp), np.random.default_rng(0)
+    for x in starts:
+        found = optimise(ocp, x, backend, sharpness=SOFT_SHARPNESS, budget=budget)
+        if found.complete:
+            return found
+        pool.add(found)
+    position, velocity = ocp.motion(pool.best.x)
+    left = remaining_weight(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.between(velocity)) > 0.0
+    for _ in range(_REST_HOPS if np.count_nonzero(left) <= _REST_LEFT * np.count_nonzero(ocp.weight) else 0):
+        if budget.exhausted:
+            break
+        found = hop(ocp, pool.drawn(rng), backend, rng, budget=budget)
+        if found.complete:
+            return found
+        pool.add(found)
+    return None
+
+
+def _plan_from_guesses(
+    task: Task, backend: Backend, attempts: int, search: Search, budget: Budget, watcher: Watcher
+) -> Candidate:
+    """Plan from initial guesses; see `plan_free_horizon`."""
     evaluated = _evaluated_guesses(task, search, budget)
     rest = evaluate_guess(task, rest_guess(task.position), task.least_steps)
     together = [candidate for candidate in evaluated if candidate.kind is GuessKind.FORMATION]
     if not together:
-        return _plan_apart(task, backend, [*evaluated, rest], attempts, search, budget)
+        return _plan_apart(task, backend, [*evaluated, rest], attempts, search, budget, watcher)
     tight = link_lanes(task) < 1.0
-    best = _plan_large(task, backend, [*together, rest], budget if tight else budget.part(_TOGETHER_SHARE))
+    best = _plan_large(task, backend, [*together, rest], budget if tight else budget.part(_TOGETHER_SHARE), watcher)
     apart = [candidate for candidate in evaluated if candidate.kind is not GuessKind.FORMATION]
     if tight or not apart or budget.exhausted:
         return best
     search = replace(search, names=tuple(candidate.origin.name for candidate in apart))
-    return min(best, _plan_apart(task, backend, [*apart, rest], attempts, search, budget), key=lambda one: one.rank)
+    separate = _plan_apart(task, backend, [*apart, rest], attempts, search, budget, watcher)
+    return min(best, separate, key=lambda one: one.rank)
 
 
 def _plan_apart(
-    task: Task, backend: Backend, evaluated: list[Candidate], attempts: int, search: Search, budget: Budget
+    task: Task,
+    backend: Backend,
+    evaluated: list[Candidate],
+    attempts: int,
+    search: Search,
+    budget: Budget,
+    watcher: Watcher,
 ) -> Candidate:
     """Plan from guesses in which agents go their own ways, of which rest is the last; see `plan_free_horizon`."""
     apart = [candidate for candidate in evaluated if candidate.kind is GuessKind.SHAPE_APART]
     found = [candidate for candidate in evaluated if candidate not in apart]
     moving = found[:-1] or apart
     work, least = _work(task, moving), min(candidate.plan.steps for candidate in moving)
-    if work * task.fleet.size > _LARGE:
+    if work * task.fleet.size > _LARGE and not descends_natively(task.ocp(work), backend):
         in_order = sorted(found, key=partial(guess_priority, violation_cost=_VIOLATION_COST))
-        return _plan_large(task, backend, in_order, budget)
+        return _plan_large(task, backend, in_order, budget, watcher)
     bracket = LengthBracket(round(_LOWER_SHARE * least), task.least_steps)
     steps = max(task.least_steps, round(_UPPER_SHARE * work))
     if apart and (together := _brought_together(task, backend, apart, search, budget)).complete:
@@ -108,8 +199,10 @@ def _plan_apart(
     for _ in range(attempts):
         if budget.exhausted:
             break
+        watcher.tries(steps)
         candidates = multistart(task, backend, steps, search, budget)
         best = candidates[0]
+        watcher.found(steps, best)
         found.append(best)
         if len(candidates) > _SCREENED:
             search = replace(search, names=_names(candidates))
@@ -147,7 +240,9 @@ def _extension_order(candidate: Candidate) -> tuple[bool, bool, float]:
     return idle, candidate.violates_passive_safety, guess_priority(candidate, _VIOLATION_COST)
 
 
-def _plan_large(task: Task, backend: Backend, evaluated: list[Candidate], budget: Budget) -> Candidate:
+def _plan_large(
+    task: Task, backend: Backend, evaluated: list[Candidate], budget: Budget, watcher: Watcher
+) -> Candidate:
     """Refine the best guesses segment by segment, then extend them to the cells that they leave."""
     resting = next(candidate for candidate in evaluated if candidate.kind is GuessKind.REST)
     found = [resting]
@@ -156,11 +251,13 @@ def _plan_large(task: Task, backend: Backend, evaluated: list[Candidate], budget
         if budget.exhausted:
             break
         part = budget.part(_LARGE_SHARE / (_LARGE_TRIED - number))
+        watcher.tries(guess.plan.steps)
         motion = (guess.plan.position, guess.plan.velocity)
         position, velocity = refine_segments(
             task, motion, backend, length=SEGMENT_STEPS, passes=_LARGE_PASSES, budget=part
         )
         found.append(evaluate_motion(task, position[0], velocity, guess.origin))
+        watcher.found(found[-1].plan.steps, found[-1])
         safe = found[-1].feasible and not found[-1].violates_passive_safety
         if found[-1].complete if guess.kind is GuessKind.FORMATION else safe:
             break
@@ -174,19 +271,39 @@ def plan_min_time(
     *,
     search: Search,
     budget: Budget,
-    on_progress: Callable[[int, Candidate], None] | None = None,
+    watcher: Watcher | None = None,
     failures: int | None = FAILURES,
 ) -> Candidate:
     """Return the shortest plan that covers the whole demand which the search finds.
 
     Starts from a short plan and removes one sample at a time, with more starts and hops after each length that fails.
-    The search ends after `failures` failed lengths in a row (None: when the budget is exhausted). `on_progress` is
-    called with each length tried and its best candidate.
+    The search ends after `failures` failed lengths in a row (None: when the budget is exhausted). `watcher` is told of
+    each length tried and its best candidate.
     """
-    best = plan_free_horizon(task, backend, search=replace(search, rounds=0), budget=budget)
+    watcher = watcher or Watcher()
+    best = plan_free_horizon(task, backend, search=replace(search, rounds=0), budget=budget, watcher=watcher)
+    watcher.found(best.plan.steps, best)
+    return shortened(task, best, backend, search=search, budget=budget, watcher=watcher, failures=failures)
+
+
+def shortened(
+    task: Task,
+    best: Candidate,
+    backend: Backend,
+    *,
+    search: Search,
+    budget: Budget,
+    watcher: Watcher | None = None,
+    failures: int | None = FAILURES,
+) -> Candidate:
+    """Return a complete plan, made shorter a sample at a time; arguments as in `plan_min_time`.
+
+    Each length starts from the shortest plan so far, flown faster, before it tries other guesses.
+    """
+    watcher = watcher or Watcher()
     if not best.complete:
         return best
-    failed, systematic = 0, len(systematic_guesses(task))
+    failed, systematic = 0, 0 if task.fleet.size >= _MANY else len(systematic_guesses(task))
     while (failures is None or failed < failures) and best.plan.steps > task.least_steps and not budget.exhausted:
         more = replace(
             search,
@@ -196,9 +313,16 @@ def plan_min_time(
             rounds=(search.rounds or 0) * 2**failed,
         )
         steps = best.plan.steps - 1
-        candidate = multistart(task, backend, steps, more, budget)[0]
-        if on_progress is not None:
-            on_progress(steps, candidate)
+        watcher.tries(steps)
+        ocp = task.ocp(steps)
+        faster = ocp.exact_ends(ocp.decision(best.plan.position[0], resampled(best.plan.velocity, steps)))
+        starts = {"shortened": faster}
+        if task.fleet.size >= _MANY:
+            rest = ocp.decision_of(task.flown(rest_guess(task.position), steps))
+            candidate = multistart(task, backend, steps, more, budget, given={**starts, "from rest": rest})[0]
+        else:
+            candidate = multistart(task, backend, steps, more, budget, known=starts)[0]
+        watcher.found(steps, candidate)
         if candidate.complete:
             best, failed = candidate, 0
         else:

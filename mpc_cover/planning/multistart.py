@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -19,7 +20,15 @@ from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
 from mpc_cover.planning.initial_guess.path_comparison import shorter
 from mpc_cover.planning.initial_guess.shape_tour import ShapeTour
 from mpc_cover.planning.initial_guess.tour import Tour
-from mpc_cover.planning.scp import REFINEMENT_REGION, SHARPNESS, evaluate, length_scale, optimise
+from mpc_cover.planning.scp import (
+    REFINEMENT_REGION,
+    SHARPNESS,
+    SOFT_SHARPNESS,
+    descends_natively,
+    evaluate,
+    length_scale,
+    optimise,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -80,22 +89,25 @@ def multistart(
     budget: Budget,
     on_progress: Progress | None = None,
     given: Mapping[str, FloatArray] | None = None,
+    known: Mapping[str, FloatArray] | None = None,
 ) -> list[Candidate]:
     """Return plans of exactly `steps` samples, the best first, from several starts; anytime.
 
     The list holds one candidate per start tried. `on_progress` is called with the length and each better plan. `given`
-    maps names to decision vectors of `task.ocp(steps)` that replace the initial guesses.
+    maps names to decision vectors of `task.ocp(steps)` that replace the initial guesses, `known` those that come first.
     """
     notify = on_progress or _ignore
     ocp = task.ocp(steps)
     screening = budget.part(_SCREENING_SHARE)
+    natively = descends_natively(ocp, backend, exact_cones=search.exact_cones)
     tried: list[tuple[Origin, FloatArray, SCPResult]] = []
-    for origin, x in _starts(task, steps, search, screening) if given is None else _given(given):
+    starts = _starts(task, steps, search, screening) if given is None else _given(given)
+    for origin, x in chain(_given(known or {}), starts):
         coarse = optimise(
             ocp,
             x,
             backend,
-            sharpness=COARSE,
+            sharpness=SOFT_SHARPNESS if natively else COARSE,
             iterations=_COARSE_ITERATIONS,
             budget=budget,
             exact_cones=search.exact_cones,
@@ -195,6 +207,17 @@ def systematic_guesses(task: Task) -> list[Guess]:
     Paths along the shape come first where they are much shorter than sweeps; last, where they need a longer range than
     there is; and not at all elsewhere.
     """
+    known = _GUESSES.get(task)
+    if known is None:
+        known = _GUESSES[task] = _made(task)
+    return known
+
+
+_GUESSES: WeakKeyDictionary[Task, list[Guess]] = WeakKeyDictionary()
+"""The systematic guesses of tasks that are being planned: several searches begin with them."""
+
+
+def _made(task: Task) -> list[Guess]:
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
     free: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())

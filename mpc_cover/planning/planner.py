@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -15,11 +15,13 @@ from mpc_cover.planning.extension import extended
 from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
 from mpc_cover.planning.initial_guess.timed_sweeps import repair_sweeps, timed_sweeps
-from mpc_cover.planning.min_time import FAILURES, plan_free_horizon, plan_min_time
+from mpc_cover.planning.min_time import FAILURES, plan_free_horizon, plan_min_time, shortened
 from mpc_cover.planning.multistart import Search, multistart
-from mpc_cover.planning.scp import evaluate, optimise
+from mpc_cover.planning.scp import descends_natively, evaluate, optimise
+from mpc_cover.planning.shortening import Shortening
 from mpc_cover.planning.task import multi_look_options, needs_laps
-from solvers.backends.registry import UnknownBackendError, make_backend
+from solvers.backends.fallback import with_fallbacks
+from solvers.backends.registry import UnknownBackendError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -28,9 +30,11 @@ if TYPE_CHECKING:
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.candidate import Candidate
+    from mpc_cover.planning.min_time import Watcher
     from mpc_cover.planning.ocp import OCP
     from mpc_cover.planning.scp import SCPResult
     from mpc_cover.planning.task import Task
+    from solvers.backends.base import Backend
 
 _POLISH_SHARPNESS = 40.0
 """Sharpness of the soft minimum for plans that are good already; a plain choice close to the hard minimum."""
@@ -43,6 +47,8 @@ _SUFFICIENT_REST = 0.3
 """Part of the demand that a passively safe plan may leave to the next one; a plain choice."""
 _QUICK_SEARCH = Search(starts=3, finalists=1)
 """The search for one length within a control step; a plain choice of what fits into it."""
+_SHORTENING, _LENGTHS = Search(rounds=20), 2
+"""The search for shorter plans while at rest, and the lengths in a row at which it may fail; plain choices."""
 _FEW_SWEEPS = 3
 """Timed sweeps that are tried within a step; at rest all of them are. Plain choice."""
 _SWEEPS_SHARE = 0.8
@@ -52,24 +58,40 @@ _REPAIRED = 3
 
 
 class Planner:
-    """Searches for plans with one QP back-end.
+    """Searches for plans with one QP back-end, and with the others where that one fails.
 
     Raises
     ------
     UserError
         For an unknown back-end; the message lists the known ones.
+
+    Attributes
+    ----------
+    qps_answered : number of QPs until now, by the name of the back-end that answered.
     """
 
     def __init__(self, backend: str) -> None:
         self._crowded = False
         try:
-            self._backend = make_backend(backend)
+            solver = with_fallbacks(backend)
         except UnknownBackendError as error:
             raise UserError(str(error)) from None
+        self.qps_answered: Mapping[str, int] = solver.answered
+        self._chosen, self._backend = backend, cast("Backend", solver)
+
+    def qps_of_others(self) -> dict[str, int]:
+        """Return the number of QPs until now that the chosen back-end did not answer, by who did instead."""
+        return {name: count for name, count in self.qps_answered.items() if name != self._chosen}
 
     def thorough(self, task: Task, budget: Budget) -> Candidate:
         """Plan for the whole demand from many starts, as well as the budget allows."""
-        return self._passively_safe(partial(plan_free_horizon, backend=self._backend), task, budget)
+        return self._passively_safe(self._thorough, task, budget)
+
+    def _thorough(self, task: Task, *, budget: Budget) -> Candidate:
+        best = plan_free_horizon(task, self._backend, budget=budget)
+        if not descends_natively(task.ocp(best.plan.steps), self._backend):
+            return best
+        return shortened(task, best, self._backend, search=_SHORTENING, budget=budget, failures=_LENGTHS)
 
     def quick(self, task: Task, budget: Budget) -> Candidate:
         """Plan for the whole demand from a few starts at one length, as well as the budget allows."""
@@ -106,14 +128,12 @@ class Planner:
         task: Task,
         search: Search,
         budget: Budget,
-        on_progress: Callable[[int, Candidate], None] | None = None,
+        watcher: Watcher | None = None,
         *,
         failures: int | None = FAILURES,
     ) -> Candidate:
         """Plan for the whole demand in as few steps as the search finds; see `min_time.plan_min_time`."""
-        return plan_min_time(
-            task, self._backend, search=search, budget=budget, on_progress=on_progress, failures=failures
-        )
+        return plan_min_time(task, self._backend, search=search, budget=budget, watcher=watcher, failures=failures)
 
     def polish(self, ocp: OCP, x: FloatArray, iterations: int, budget: Budget) -> SCPResult:
         """Improve a motion that is already good by a few QPs; for many looks, by one with fewer samples per term."""
@@ -126,6 +146,14 @@ class Planner:
             budget=budget,
             **multi_look_options(ocp.looks),
         )
+
+    def descends_natively(self, ocp: OCP) -> bool:
+        """Return whether descents on this OCP take so little time that there are many in an idle period."""
+        return descends_natively(ocp, self._backend)
+
+    def shortening(self, ocp: OCP, x: FloatArray) -> Shortening:
+        """Return an anytime search for a complete motion of the OCP's length, from a guess."""
+        return Shortening(ocp, x, self._backend)
 
     def evaluate(self, ocp: OCP, x: FloatArray) -> SCPResult:
         """Return the evaluation of a motion without any refinement."""

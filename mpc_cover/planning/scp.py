@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING
 from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.coverage.majoriser import SAMPLES_PER_TERM, Softness
 from mpc_cover.coverage.objective import coverage_cost
+from mpc_cover.planning import interior_point
 from mpc_cover.planning.coverage_nlp import CoverageNLP
 from mpc_cover.planning.ocp import Settings
 from solvers import sqp
 from solvers.backends.base import Options as QPOptions
 from solvers.globalization import Backtracking, TrustRegion
+from solvers.native import library as native
+from solvers.outcome import Outcome, Result
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,13 +27,16 @@ if TYPE_CHECKING:
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.ocp import OCP
     from solvers.backends.base import Backend
-    from solvers.outcome import Result
 
 FEASIBILITY = 2e-4
 """Violation up to which a motion counts as feasible [m, m/s, m/s^2]; a plain choice that `ocp.Margins` absorb."""
 
 SHARPNESS = (4.0, 10.0, 30.0, 100.0)
 """beta times the sensing radius, by stage; finer stages and softer first ones took longer and covered less."""
+
+SOFT_SHARPNESS = (1.0, 2.0, *SHARPNESS)
+"""The stages of descents by the library, which take little time: from rest only so soft a minimum spreads the fleet
+over all that it owes, as observed."""
 
 MARGIN = 0.7
 """Sensing margin times beta; derived from log 2, by which two equally near samples lower the soft minimum."""
@@ -63,6 +69,17 @@ _FINAL_REGION, _FINAL_REGION_MIN, _FINAL_REGION_MAX = 0.1, 1e-6, 1.0
 _FINAL_TOLERANCE = 1e-12
 """Relative predicted decrease and step length [m] below which the final stage ends; a plain choice, so small that only
 the number of QPs bounds the stage."""
+
+_NEWTON_STEPS = 8
+"""Newton steps of an interior-point descent that take the place of one QP; about as long as one, as measured."""
+_OUTCOMES = {
+    native.Outcome.COMPLETE: Outcome.CONVERGED,
+    native.Outcome.CONVERGED: Outcome.CONVERGED,
+    native.Outcome.MAX_ITERATIONS: Outcome.MAX_ITERATIONS,
+    native.Outcome.DEADLINE: Outcome.DEADLINE,
+    native.Outcome.NUMERICAL: Outcome.SUBPROBLEM_FAILED,
+    native.Outcome.OUT_OF_MEMORY: Outcome.SUBPROBLEM_FAILED,
+}
 
 BRAKING_TOLERANCE = 0.01
 """Tolerated violation of passive safety [m]; a plain choice within the margin of `constraints.passive_safety`."""
@@ -123,6 +140,11 @@ def length_scale(ocp: OCP) -> float:
     return ocp.fleet.sensing_radius_min
 
 
+def descends_natively(ocp: OCP, backend: Backend, *, exact_cones: bool = False) -> bool:
+    """Return whether the library's interior point takes the place of the SQP on this OCP."""
+    return backend.capabilities.whole_problem and not exact_cones and interior_point.supports(ocp)
+
+
 def optimise(
     ocp: OCP,
     x: FloatArray,
@@ -143,6 +165,8 @@ def optimise(
     Ends early once a motion is complete, or the budget is exhausted.
     """
     scale = length_scale(ocp)
+    if descends_natively(ocp, backend, exact_cones=exact_cones):
+        return _descended(ocp, x, sharpness, iterations, region, budget, margin, count)
     options = sqp.Options(
         max_iterations=iterations,
         optimality=_OPTIMALITY,
@@ -169,6 +193,39 @@ def optimise(
     return replace(best, stages=tuple(stages))
 
 
+def _descended(
+    ocp: OCP,
+    x: FloatArray,
+    sharpness: Sequence[float],
+    iterations: int,
+    region: float,
+    budget: Budget,
+    margin: float,
+    count: int,
+) -> SCPResult:
+    """Return the better of a motion and the best of an interior-point descent from it; arguments as in `optimise`."""
+    best = evaluate(ocp, x)
+    if best.complete or budget.exhausted:
+        return best
+    descent = interior_point.descend(
+        ocp,
+        x,
+        sharpness,
+        scale=length_scale(ocp),
+        margin=margin,
+        count=count,
+        iterations=_NEWTON_STEPS * iterations * len(sharpness),
+        region=region,
+        judgement=interior_point.Judgement(FEASIBILITY, BRAKING_TOLERANCE, _BRAKING_VIOLATION_COST),
+        budget=budget,
+    )
+    found = evaluate(ocp, descent.x)
+    if ocp.on_iterate is not None:
+        ocp.on_iterate(descent.x)
+    stage = Result(descent.x, found.cost, found.violation, _OUTCOMES[descent.outcome], descent.iterations, ())
+    return replace(found if is_better(found, best) else best, stages=(stage,))
+
+
 def optimise_without_margin(
     ocp: OCP, best: SCPResult, backend: Backend, *, budget: Budget, exact_cones: bool = False
 ) -> SCPResult:
@@ -180,6 +237,9 @@ def optimise_without_margin(
     if budget.exhausted:
         return best
     scale = length_scale(ocp)
+    if descends_natively(ocp, backend, exact_cones=exact_cones):
+        final = _descended(ocp, best.x, (_HARD,), _FINAL_ITERATIONS, _FINAL_REGION, budget, 0.0, SAMPLES_PER_TERM)
+        return replace(final if is_better(final, best) else best, stages=(*best.stages, *final.stages))
     settings = Settings(softness_at(_HARD, scale, margin=0.0), exact_cones=exact_cones)
     options = sqp.Options(
         max_iterations=_FINAL_ITERATIONS,
@@ -209,6 +269,13 @@ def _trust_region(scale: float, first: float, smallest: float, largest: float) -
 
 def evaluate(ocp: OCP, x: FloatArray) -> SCPResult:
     """Return the evaluation of a decision vector without any refinement."""
+    if (known := interior_point.evaluate(ocp, x)) is not None:
+        return SCPResult(x, known.cost, known.violation, (), known.braking_violation)
+    return evaluate_with_numpy(ocp, x)
+
+
+def evaluate_with_numpy(ocp: OCP, x: FloatArray) -> SCPResult:
+    """Return the evaluation of a decision vector where the library was not built; the two agree up to rounding."""
     problem = CoverageNLP(ocp, Settings(softness_at(SHARPNESS[-1], length_scale(ocp))))
     position, velocity = ocp.motion(x)
     cost = coverage_cost(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.looks, ocp.between(velocity))

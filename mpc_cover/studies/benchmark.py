@@ -9,7 +9,6 @@ import math
 import os
 import platform
 from dataclasses import dataclass
-from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
@@ -22,11 +21,12 @@ from mpc_cover.version import __version__
 from mpc_cover.view.benchmark import Curve, Row, draw_history
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Sequence
     from pathlib import Path
 
     from mpc_cover.mission.load import Mission
     from mpc_cover.studies.verdict import Verdict
+    from mpc_cover.view.progress import ProgressLine
 
 ALL_GUESSES = "all"
 """Stands for all guesses."""
@@ -58,11 +58,11 @@ def guesses_of(name: str) -> tuple[Guess, ...]:
 
 
 def run_benchmark(
-    mission: Mission, guess: str, peers: str | None, limit: Limit, on_progress: Callable[[str, Run], None]
+    mission: Mission, guess: str, peers: str | None, limit: Limit, progress: RaceProgress | None = None
 ) -> list[Race]:
     """Let the peers of a comma-separated list (None: all) solve the mission from a guess, or from all of them.
 
-    `on_progress` is called with the guess and the run so far as iterates come in.
+    `progress` is told of each peer as it starts, and of its iterates as they come in.
 
     Raises
     ------
@@ -74,13 +74,51 @@ def run_benchmark(
     races = []
     for name in names:
         x = start_from(case, name)
-        runs = [race(entry.name, mission, x, limit, partial(on_progress, name)) for entry in entries]
+        runs = list[Run]()
+        for number, entry in enumerate(entries, start=1):
+            if progress is not None:
+                progress.starts(entry.name, f"from {name}, {number} of {len(entries)}", runs)
+            runs.append(race(entry.name, mission, x, limit, progress.seen if progress is not None else _ignore))
         races.append(Race(name, judge(case, x), tuple(runs)))
     return races
 
 
+class RaceProgress:
+    """Shows which peer solves, for how long, its best and that of the others so far."""
+
+    def __init__(self, line: ProgressLine, limit: Limit) -> None:
+        self._line, self._limit = line, limit
+        self._others = ""
+
+    def starts(self, name: str, where: str, before: Sequence[Run]) -> None:
+        """Say that a peer starts, after others from the same guess."""
+        unit = " processor" if self._limit.cpu_time else ""
+        self._line.begin(f"{where}: {name}", None if unit else self._limit.seconds)
+        held = [run for run in before if run.best is not None and run.best.verdict.holds_sampled]
+        best = min(held, key=lambda run: (run.best.verdict.cost, run.time_s) if run.best else (), default=None)
+        self._others = f"; best so far {best.name}, {_cost(best)}" if best is not None else ""
+        self._line.show(f"sets up{self._others}")
+
+    def seen(self, run: Run) -> None:
+        """Show the run so far."""
+        self._line.show(f"{_cost(run)} at {run.time_s:.1f} s{self._others}")
+
+
+def _cost(run: Run) -> str:
+    """Return what the best iterate of a run is worth."""
+    if run.best is None:
+        return "no iterate yet"
+    held = "" if run.best.verdict.holds_sampled else ", which holds not"
+    return f"J = {run.best.verdict.cost:.4g} m{held}"
+
+
+def _ignore(run: Run) -> None:
+    """Do nothing on progress."""
+    del run
+
+
 def rows_of(race_: Race) -> list[Row]:
-    """Return a race as the table shows it; times are relative to those of `ours-piqp`, where it takes part."""
+    """Return a race as the table shows it; times are relative to those of `ours-native`, where it takes part."""
     ours = next((run.time_s for run in race_.runs if run.name == OURS and run.answered), None)
     return [_row(run, ours) for run in race_.runs]
 
@@ -120,21 +158,6 @@ def write_benchmark(folder: Path, mission: Mission, races: list[Race], limit: Li
     except OSError as error:
         raise UserError(f"--out {folder}: cannot be written: {error.strerror or error}") from None
     return files
-
-
-def check_folder(folder: Path) -> None:
-    """Check before the work that a folder can be written.
-
-    Raises
-    ------
-    UserError
-        It cannot.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "bench.json").touch()
-    except OSError as error:
-        raise UserError(f"--out {folder}: cannot be written: {error.strerror or error}") from None
 
 
 def as_dict(mission: Mission, races: list[Race], limit: Limit) -> dict[str, Any]:

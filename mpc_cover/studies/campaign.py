@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from mpc_cover.exit_status import exit_status
 from mpc_cover.studies.progress import StudyProgress
 from mpc_cover.studies.results import StudyFolder
+from mpc_cover.view.progress import ProgressLine
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,7 +80,8 @@ def fly_missing(work: Work, out: Path, executor: Executor, console: Console, *, 
         folder.open()
         todo = [run for run in work.runs if run.key not in folder.finished]
         _announce(console, work.remarks, folder, len(work.runs), len(todo))
-        interrupted = _fly(ready, todo, folder, console, fly)
+        line = ProgressLine(console if console.quiet else None, leave=True)
+        interrupted = _fly(ready, todo, folder, fly, line)
     wanted = {run.key for run in work.runs}
     found = tuple(record for record in folder.records if record.key in wanted)
     return Campaign(folder, len(wanted), found, interrupted)
@@ -92,15 +94,15 @@ def _announce(console: Console, remarks: Sequence[str], folder: StudyFolder, wan
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
-def _fly(executor: Executor, runs: Sequence[Run], folder: StudyFolder, console: Console, fly: Fly) -> bool:
+def _fly(executor: Executor, runs: Sequence[Run], folder: StudyFolder, fly: Fly, line: ProgressLine) -> bool:
     """Fly the runs and keep their records; return whether Ctrl-C interrupted it."""
     if not runs:
         return False
     try:
-        with StudyProgress(console, len(runs)) as progress, closing(executor.fly(runs, fly)) as records:
+        with StudyProgress(len(runs), line=line) as progress, closing(executor.fly(runs, fly)) as records:
             for record in records:
                 folder.keep(record)
-                progress.show(record)
+                progress.count(record)
     except KeyboardInterrupt:
         return True
     return False

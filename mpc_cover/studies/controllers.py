@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
     from mpc_cover.studies.flight import Flight
 
-BACKEND = "piqp"
+BACKEND = "native"
 """Default QP back-end; also given in the files of controllers that solve no QP."""
 
 

@@ -20,18 +20,20 @@ from mpc_cover.control.controller_name import ControllerName
 from mpc_cover.errors import UserError
 from mpc_cover.mission.config import Dynamics
 from mpc_cover.mission.load import load_mission
+from mpc_cover.output import any_of, check_folder, output_path
 from mpc_cover.studies.controllers import BACKEND, check_flight, controller_of, run_flight
 from mpc_cover.studies.measure import measured
+from mpc_cover.studies.progress import CountedProgress
 from mpc_cover.studies.runs import Run
 from mpc_cover.studies.starts import Starts
 from mpc_cover.studies.thesis_study import in_parallel
+from mpc_cover.view.terminal_table import terminal_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from rich.console import Console
-    from rich.table import Table
 
     from mpc_cover.mission.load import Mission
 
@@ -95,8 +97,9 @@ class LawsOptions:
     missions: tuple[str, ...]
     seeds: int = 1
     starts: str = Starts.RANDOM
-    backend: str = "piqp"
+    backend: str = "native"
     jobs: int = 1
+    overwrite: bool = False
 
 
 def fly_law(run: Run) -> LawRun:
@@ -133,40 +136,30 @@ def run_laws(options: LawsOptions, out: Path | None, console: Console) -> list[L
     for mission, name in zip(missions, options.missions, strict=True):
         _check(mission, name, options.backend)
     if out is not None:
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UserError(f"--out {out}: cannot be made: {error.strerror or error}") from None
+        check_folder(output_path(out, out, any_of("laws.csv", "laws.json"), overwrite=options.overwrite))
     tasks = [
         (_run_of(mission, law, seed, options),) for mission in missions for seed in range(options.seeds) for law in LAWS
     ]
     runs: list[LawRun] = []
-    for run in in_parallel(fly_law, tasks, options.jobs):
-        runs.append(run)
-        text = (
-            f"{len(runs)} of {len(tasks)}  {run.mission}, {LAWS[run.law]}, seed {run.seed}: {run.covered_percent:g} %"
-        )
-        console.print(f"{text}, took {run.wall_s:.1f} s", highlight=False, markup=False, soft_wrap=True)
+    with CountedProgress(len(tasks)) as progress:
+        for run in in_parallel(fly_law, tasks, options.jobs):
+            runs.append(run)
+            text = f"{run.mission}, {LAWS[run.law]}, seed {run.seed}: {run.covered_percent:g} %"
+            progress.show(f"{text}, took {run.wall_s:.1f} s")
     runs.sort(key=lambda run: (run.mission, run.law, run.seed))
     for flown in dict.fromkeys(run.mission for run in runs):
-        console.print(table_of(flown, [run for run in runs if run.mission == flown]))
+        print_table(flown, [run for run in runs if run.mission == flown], console)
     if out is not None:
         _write(out, runs)
     return runs
 
 
-def table_of(mission: str, runs: Sequence[LawRun]) -> Table:
-    """Return a table of the medians over the seeds of a mission, a column for each law."""
-    from rich.table import Table as RichTable  # noqa: PLC0415 - only here
-
-    table = RichTable(title=f"{mission}: medians over {len({run.seed for run in runs})} seeds", title_justify="left")
-    table.add_column("")
+def print_table(mission: str, runs: Sequence[LawRun], console: Console) -> None:
+    """Print a table of the medians over the seeds of a mission, a column for each law."""
     by_law = {law: [run for run in runs if run.law == law] for law in LAWS}
-    for name in LAWS.values():
-        table.add_column(name, justify="right")
-    for label, value in _ROWS:
-        table.add_row(label, *(value(by_law[law]) for law in LAWS))
-    return table
+    rows = [[label, *(value(by_law[law]) for law in LAWS)] for label, value in _ROWS]
+    title = f"{mission}: medians over {len({run.seed for run in runs})} seeds"
+    console.print(terminal_table(title, ["", *LAWS.values()], rows, console.width))
 
 
 def _median(runs: Sequence[LawRun], name: str, form: str, scale: float = 1.0) -> str:

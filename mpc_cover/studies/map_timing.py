@@ -33,7 +33,13 @@ DENSITIES_M = (0.317, 0.0317)
 
 
 def time_maps(
-    cell_size_m: float, radius_m: float = 1.0, steps: int = 200, seed: int = 0, *, cpu_time: bool = False
+    cell_size_m: float,
+    radius_m: float = 1.0,
+    steps: int = 200,
+    seed: int = 0,
+    *,
+    cpu_time: bool = False,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> dict[str, FloatArray]:
     """Return the time [s] of each of (steps,) steps by map: `observe`, then gamma and the part that is done.
 
@@ -55,7 +61,11 @@ def time_maps(
         "Kalman, drawing its readings": KalmanMap(noisy, variance=1.0, noise=1.0, enough=0.0625),
     }
     clock = time.thread_time if cpu_time else time.perf_counter
-    return {name: _time(information, path, clock) for name, information in maps.items()}
+    found = {}
+    for name, information in maps.items():
+        on_progress(f"{name}, {cell_size_m:g} m cells")
+        found[name] = _time(information, path, clock)
+    return found
 
 
 def _time(information: InformationMap, path: FloatArray, clock: Callable[[], float]) -> FloatArray:
@@ -68,11 +78,16 @@ def _time(information: InformationMap, path: FloatArray, clock: Callable[[], flo
     return np.array(taken)
 
 
-def measure_maps(steps: int, *, cpu_time: bool = False) -> list[dict[str, str | float]]:
-    """Return a row for each density and map: median and 99th percentile of a step [ms]."""
+def measure_maps(
+    steps: int, *, cpu_time: bool = False, on_progress: Callable[[str], None] = lambda _: None
+) -> list[dict[str, str | float]]:
+    """Return a row for each density and map: median and 99th percentile of a step [ms].
+
+    `on_progress` is called with each map that is measured, in words.
+    """
     rows: list[dict[str, str | float]] = []
     for cell_size_m in DENSITIES_M:
-        for name, taken in time_maps(cell_size_m, steps=steps, cpu_time=cpu_time).items():
+        for name, taken in time_maps(cell_size_m, steps=steps, cpu_time=cpu_time, on_progress=on_progress).items():
             p50, p99 = 1e3 * np.percentile(taken, (50, 99))
             cells = round(np.pi / cell_size_m**2)
             rows.append({"map": name, "cells_in_range": cells, "p50_ms": float(p50), "p99_ms": float(p99)})

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import cProfile
+import glob
 import math
 import pstats
-import tempfile
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,26 +14,58 @@ from typing import TYPE_CHECKING, Any
 from mpc_cover.control.factory import require_double
 from mpc_cover.errors import UnreadableFileError, UserError
 from mpc_cover.mission.load import load_mission
+from mpc_cover.output import any_of, check_folder, file_taken, output_path
 from mpc_cover.planning.offline import PlanOptions, plan_mission
 from mpc_cover.trajectory_file import save_trajectory
 from mpc_cover.verification.check import check_trajectory
+from mpc_cover.verification.report import Check, Report
 from mpc_cover.verification.summary import RunSummary, summarise
+from mpc_cover.view.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping, Sequence
 
     from rich.console import Console
 
     from mpc_cover.mission.load import Mission
+    from mpc_cover.planning.offline import SearchNews
 
+_OF_CVXPY = ("formulation", "cvxpy", "extra", "extra_value")
 _PROFILED = 18
 """Lines of a profile."""
 
 
+def plan_targets(what: str | Path, out: Path | None, *, folder: bool, overwrite: bool) -> list[tuple[str, Path]]:
+    """Return the missions to plan, one or every one of a folder, each with the file that its plan is to be written to.
+
+    Raises
+    ------
+    UserError
+        A folder without missions, a mission that nobody can plan, or a file that cannot or must not be written.
+    """
+    if not folder:
+        file = output_path(out, Path("plan.npz"), file_taken, overwrite=overwrite)
+        if file.suffix != ".npz":
+            raise UserError(f"--out {file}: must end in .npz")
+        if file.is_dir() or not file.parent.is_dir():
+            raise UserError(f"--out {file}: cannot be written: must be a file in a folder that exists")
+        check_folder(file.parent)
+        return [(str(what), file)]
+    missions = sorted(Path(what).glob("*.yaml")) if Path(what).is_dir() else []
+    if not missions:
+        raise UnreadableFileError(f"--all {what}: is no folder with missions (*.yaml)")
+    for mission in missions:
+        _plannable(str(mission))  # every mistake before the first hour of work
+    taken = any_of(*(f"{glob.escape(mission.stem)}.npz" for mission in missions))
+    target = output_path(out, Path("plans"), taken, overwrite=overwrite)
+    check_folder(target)
+    return [(str(mission), target / f"{mission.stem}.npz") for mission in missions]
+
+
 def plan_files(
-    what: str | Path, out: Path | None, options: PlanOptions, console: Console, *, folder: bool, profile: bool
+    targets: Sequence[tuple[str, Path]], options: PlanOptions, console: Console, *, profile: bool
 ) -> list[tuple[RunSummary, dict[str, Any]]]:
-    """Plan one mission, or every mission of a folder; verify and write each; return summaries and extras.
+    """Plan missions, verify and write each; return summaries and extras.
 
     A plan that the verifier refuses is not written: its extra names no file. Ctrl-C ends the search for a plan: the
     best one so far is written, and no other mission is planned.
@@ -41,23 +73,11 @@ def plan_files(
     Raises
     ------
     UserError
-        A folder without missions, or a file that cannot be written; before the work where possible.
+        No plan was found, or a file cannot be written.
     """
-    if not folder:
-        file = out or Path("plan.npz")
-        _check_writable(file)
-        return [_plan(str(what), file, options, console, profile=profile)]
-    missions = sorted(Path(what).glob("*.yaml")) if Path(what).is_dir() else []
-    if not missions:
-        raise UnreadableFileError(f"--all {what}: is no folder with missions (*.yaml)")
-    for mission in missions:
-        _plannable(str(mission))  # every mistake before the first hour of work
-    target = out or Path("plans")
-    _make_folder(target)
-    files = [target / f"{mission.stem}.npz" for mission in missions]
     results: list[tuple[RunSummary, dict[str, Any]]] = []
-    for mission, file in zip(missions, files, strict=True):
-        results.append(_plan(str(mission), file, options, console, profile=profile))
+    for mission, file in targets:
+        results.append(_plan(mission, file, options, console, profile=profile))
         if results[-1][1]["interrupted"]:
             break
     return results
@@ -74,25 +94,53 @@ def _plan(
 ) -> tuple[RunSummary, dict[str, Any]]:
     mission = _plannable(name)
     begun = time.perf_counter()
-    with _profiled(console, wanted=profile), console.status(f"{mission.spec.name}: plans"):
-        trajectory = plan_mission(mission, options, on_progress=lambda line: console.print(line, highlight=False))
+    with _profiled(console, wanted=profile), ProgressLine() as line:
+
+        def show(news: SearchNews) -> None:
+            if news.result:
+                line.say(news.result)
+            line.show(news.state)
+
+        line.begin(f"plans {mission.spec.name}", options.time_limit_s)
+        trajectory = plan_mission(mission, options, on_progress=show)
     seconds = time.perf_counter() - begun
-    report = check_trajectory(trajectory)
+    report, own = check_trajectory(trajectory), tuple[Check, ...]()
+    if options.extra is not None:
+        from mpc_cover.planning.cvxpy_extra.checks import check_extra  # noqa: PLC0415 - CVXPY takes a second
+
+        own = check_extra(trajectory, options.extra)
+        report = Report((*report.checks, *own))
     summary = summarise(trajectory, report)
     if report.holds:
         save_trajectory(trajectory, file)
     meta = trajectory.meta
     console.print(
-        f"J = {meta['cost_m']:.6g} m after {meta['subproblems']} subproblems from {meta['guess']}, "
+        f"J = {meta['cost_m']:.6g} m after {meta['subproblems']} subproblems from {meta['guess']}"
+        f"{_by_whom(meta)}, "
         f"{seconds:.2f} s in all. {meta['stopped']}",
         highlight=False,
+        soft_wrap=not console.is_terminal,
     )
-    kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual")
+    if (cvxpy := meta.get("cvxpy")) is not None:
+        told = ", ".join(f"{count} {status}" for status, count in cvxpy["statuses"].items()) or "nothing to solve"
+        worth = f"; the terms of {meta['extra']} are worth {meta['extra_value']:.4g}" if "extra" in meta else ""
+        console.print(f"CVXPY ({cvxpy['solver']}): {told}{worth}", highlight=False, markup=False)
+    for check in own:
+        console.print(str(check), highlight=False, markup=False)
+    kept = ("cost_m", "guess", "stopped", "subproblems", "kkt_residual", "qps", *(_OF_CVXPY if "cvxpy" in meta else ()))
     margins = {check.name: check.margin for check in report.checks if math.isfinite(check.margin)}
     extra = {"file": str(file) if report.holds else None, "computing_time_s": round(seconds, 3), "margins": margins}
     extra["interrupted"] = bool(meta.get("interrupted", False))
     extra |= {name: meta.get(name) for name in kept}
     return summary, extra
+
+
+def _by_whom(meta: Mapping[str, Any]) -> str:
+    """Return in words how many QPs of the search other back-ends answered than the chosen one; empty for none."""
+    qps = meta["qps"]
+    if not any(name != meta["backend"] for name in qps):
+        return ""
+    return " (QPs answered by " + ", ".join(f"{name}: {count}" for name, count in qps.items()) + ")"
 
 
 @contextmanager
@@ -110,22 +158,3 @@ def _profiled(console: Console, *, wanted: bool) -> Iterator[None]:
     for (path, _, function), (_, calls, own, _, _) in sorted(stats.items(), key=lambda item: -item[1][2])[:_PROFILED]:
         place = "/".join(Path(path).parts[-2:])
         console.print(f"{own:8.3f} s {own / total:6.1%} {calls:8d}  {place}:{function}", highlight=False, markup=False)
-
-
-def _check_writable(file: Path) -> None:
-    if file.suffix != ".npz":
-        raise UserError(f"--out {file}: must end in .npz")
-    if file.is_dir() or not file.parent.is_dir():
-        raise UserError(f"--out {file}: cannot be written: must be a file in a folder that exists")
-    try:
-        with tempfile.TemporaryFile(dir=file.parent):
-            pass
-    except OSError as error:
-        raise UserError(f"--out {file}: cannot be written: {error.strerror or error}") from None
-
-
-def _make_folder(target: Path) -> None:
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {target}: cannot be made: {error.strerror or error}") from None

@@ -1,79 +1,73 @@
-"""Progress display of a study: a bar on a terminal, periodic lines elsewhere."""
+"""Progress display of a study: how many of its runs are finished, and the last of them."""
 
 from __future__ import annotations
 
 import time
 from typing import TYPE_CHECKING, Self
 
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from mpc_cover.view.progress import ProgressLine
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import TracebackType
-
-    from rich.console import Console
 
     from mpc_cover.studies.record import Record
 
-PLAIN_EVERY_S = 5.0
-"""How often a plain line is written [s]."""
 
+class CountedProgress:
+    """Counts what is finished of so much, and estimates what is left.
 
-class StudyProgress:
-    """Counts finished runs; runs that break off are reported at once."""
+    Parameters
+    ----------
+    what : of which there are `total`, in words.
+    line : where it is shown; None for a line on stderr.
+    monotonic : seconds of a clock.
+    """
 
-    def __init__(self, console: Console, total: int) -> None:
-        self._console = console
-        self._begun = time.monotonic()
-        self._due_s = self._begun
-        self._done, self._total = 0, total
-        self._last = ""
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-        )
-        self._task = self._bar.add_task("starts", total=total)
+    def __init__(
+        self,
+        total: int,
+        what: str = "runs",
+        line: ProgressLine | None = None,
+        monotonic: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._line, self._monotonic, self._what = line or ProgressLine(leave=True), monotonic, what
+        self._begun, self._done, self._total = monotonic(), 0, total
 
     def __enter__(self) -> Self:
         """Start the display."""
-        self._bar.start()
+        self._line.__enter__()
+        self._line.begin("study")
+        self._line.show(f"0 of {self._total} {self._what}")
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the display, with the bar or the last line left on the terminal."""
-        self._bar.stop()
-        if self._last:
-            self._say(self._last)
+        """End the display, with the last line left behind."""
+        self._line.__exit__(kind, error, trace)
 
-    def show(self, record: Record) -> None:
-        """Count a finished run."""
+    def show(self, text: str) -> None:
+        """Count something that is finished, which the text tells of."""
         self._done += 1
+        left_s = (self._monotonic() - self._begun) / self._done * (self._total - self._done)
+        done = f"{self._done} of {self._total} {self._what}, about {left_s:.0f} s left"
+        self._line.show(f"{done}; {text}", self._done / self._total)
+
+    def say(self, text: str) -> None:
+        """Write a permanent line."""
+        self._line.say(text)
+
+
+class StudyProgress(CountedProgress):
+    """Counts finished runs; runs that break off are reported at once."""
+
+    def count(self, record: Record) -> None:
+        """Count a finished run."""
         line = _in_short(record)
         if record.error:
-            self._say(f"{line}: {record.error}")
-        self._bar.update(self._task, advance=1, description=escape(line))
-        if self._console.is_terminal:
-            return
-        self._last = f"{self._done} of {self._total} runs, about {self._left_s():.0f} s left; {line}"
-        if time.monotonic() >= self._due_s:
-            self._due_s = time.monotonic() + PLAIN_EVERY_S
-            self._say(self._last)
-            self._last = ""
-
-    def _left_s(self) -> float:
-        """Return an estimate of the remaining time, at the pace so far [s]."""
-        return (time.monotonic() - self._begun) / self._done * (self._total - self._done)
-
-    def _say(self, text: str) -> None:
-        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+            self.say(f"{line}: {record.error}")
+        self.show(line)
 
 
 def _in_short(record: Record) -> str:

@@ -57,7 +57,7 @@ class RobustnessCase:
         """The flight, from the mission's own starts."""
         control, name = self.mission.spec.control, self.mission.spec.name
         text, steps = self.mission.to_json(), control.horizon_steps
-        return Run(name, text, ControllerName.MPC, "piqp", steps, control.period_s, 0, Starts.MISSION)
+        return Run(name, text, ControllerName.MPC, "native", steps, control.period_s, 0, Starts.MISSION)
 
 
 def cases(only: Sequence[str] = ()) -> list[RobustnessCase]:

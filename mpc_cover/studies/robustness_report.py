@@ -7,11 +7,10 @@ import math
 from html import escape
 from typing import TYPE_CHECKING
 
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 from rich.text import Text
 
 from mpc_cover.studies.page import document, made_by
+from mpc_cover.view.terminal_table import terminal_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -39,28 +38,25 @@ def print_tables(results: Sequence[RobustnessResult], console: Console) -> None:
     """Print a table of worst ratios for shapes, and one for crowds; what does not pass is red."""
     for title, cells in tables_of(results).items():
         rows, columns = _axes(cells)
-        heading = f"{title}: worst time to 99 % over the bound of the shape"
-        table = Table(title=heading, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-        table.add_column("shape")
-        for column in columns:
-            table.add_column(column, justify="right")
+        heading = f"{title}: worst time to 99 % over the bound of the shape (flights that are not finished)"
+        shown: list[list[str | Text]] = []
         for row in rows:
-            shown = [cells.get((row, column), []) for column in columns]
-            table.add_row(row, *(Text(cell_text(cell), style=_style(cell)) for cell in shown))
-        console.print(table)
+            flights = [cells.get((row, column), []) for column in columns]
+            shown.append([row, *(Text(cell_text(some), style=_style(some)) for some in flights)])
+        console.print(terminal_table(heading, ["shape", *columns], shown, console.width))
     console.print(_verdict(results))
     for result in _worst(results, limit=5):
         console.print(f"  {line_of(result)}", highlight=False, markup=False, soft_wrap=True)
 
 
 def cell_text(cell: Sequence[RobustnessResult]) -> str:
-    """Return the worst ratio of a cell, and how many of its flights are not finished."""
+    """Return the worst ratio of a cell, and in brackets how many of its flights are not finished."""
     if not cell:
         return ""
     worst = _worst_ratio(cell)
     text = "-" if math.isnan(worst) else "never" if math.isinf(worst) else f"{worst:.2f}"
     unfinished = sum(not result.finished for result in cell if result.record is not None)
-    return f"{text}, {unfinished} unfinished" if unfinished else text
+    return f"{text} ({unfinished})" if unfinished else text
 
 
 def line_of(result: RobustnessResult) -> str:

@@ -157,20 +157,6 @@ def size(problem: SizingProblem, options: SizingOptions, on_progress: Callable[[
     return SizingAnswer(problem, options.rate_hz, needed, sizing_table(problem, numbers), potential, horizon)
 
 
-def make_folder(folder: Path) -> None:
-    """Make the folder for the answer.
-
-    Raises
-    ------
-    UserError
-        It cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {folder}: cannot be made: {error.strerror or error}") from None
-
-
 def draw_sizing(answer: SizingAnswer, folder: Path) -> list[Path]:
     """Write figures 1.1 and 1.2 and the answer as JSON into a folder; return the files.
 
@@ -182,8 +168,8 @@ def draw_sizing(answer: SizingAnswer, folder: Path) -> list[Path]:
     most = max(20, *(row.agents for row in answer.table))
     agents = np.unique(np.linspace(1, most, min(most, 200)).round())
     rate = np.array([measurement_rate(answer.problem, int(number)) for number in agents])
-    make_folder(folder)
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         files = []
         with house_style():
             if answer.potential:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 from rich.text import Text
 
 from mpc_cover.studies.tally import median, worst
 from mpc_cover.verification.tolerance import TOLERANCE
+from mpc_cover.view.terminal_table import terminal_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -36,14 +35,8 @@ separation less rho_B, violations in how many runs, 99th percentile of all step 
 def print_groups(groups: Mapping[str, Sequence[Group]], console: Console) -> None:
     """Print a table for each mission."""
     for mission, some in groups.items():
-        table = Table(
-            title=title_of(mission, some), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False
-        )
-        for index, header in enumerate(HEADERS):
-            table.add_column(Text(header), justify="right" if index else "left", no_wrap=index > 0)
-        for group in some:
-            table.add_row(*(Text(text, style="bold red" if bad else "") for text, bad in row_of(group)))
-        console.print(table)
+        rows = [[Text(text, style="bold red" if bad else "") for text, bad in row_of(group)] for group in some]
+        console.print(terminal_table(title_of(mission, some), HEADERS, rows, console.width))
 
 
 def title_of(mission: str, groups: Sequence[Group]) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from mpc_cover.mission.load import load_mission
 from mpc_cover.service.protocol.fingerprint import mission_hash
+from mpc_cover.studies.progress import CountedProgress
 from mpc_cover.studies.starts import Starts
 from mpc_cover.studies.swarm_mission import fly_mission
 from mpc_cover.studies.thesis_parts import problems_of
@@ -19,8 +20,6 @@ from mpc_cover.studies.thesis_parts import problems_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
-
-    from rich.console import Console
 
     from mpc_cover.studies.thesis_parts import Part
 
@@ -86,18 +85,18 @@ def fly_seed(path: Path, seed: int) -> SeedRun:
     )
 
 
-def run_seeds(folder: Path, parts: Sequence[Part], seeds: int, spread: Spread, console: Console) -> None:
+def run_seeds(folder: Path, parts: Sequence[Part], seeds: int, spread: Spread) -> None:
     """Fly the missing ones of the seeds 0, 1, ... of each part."""
     tasks: list[Task] = []
     for part in parts:
         assert part.mission is not None, "seeds are of missions"
         known = {run.seed for run in _known(folder, part)}
         tasks += [(part.mission, seed) for seed in range(seeds) if seed not in known]
-    for done, run in enumerate(spread(tasks, fly_seed), start=1):
-        with (folder / f"{run.key}.jsonl").open("ab") as file:
-            file.write(msgspec.json.encode(run) + b"\n")
-        if done % 10 == 0 or done == len(tasks):
-            console.print(f"seeds: {done} of {len(tasks)} flown", highlight=False)
+    with CountedProgress(len(tasks), "flights from random starts") as progress:
+        for run in spread(tasks, fly_seed):
+            with (folder / f"{run.key}.jsonl").open("ab") as file:
+                file.write(msgspec.json.encode(run) + b"\n")
+            progress.show(f"{run.key}, seed {run.seed}")
 
 
 def tally(folder: Path, part: Part, seeds: int) -> SeedTally:

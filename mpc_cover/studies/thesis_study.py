@@ -10,12 +10,15 @@ import hashlib
 import shutil
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from mpc_cover.errors import UserError
 from mpc_cover.mission.load import load_mission
+from mpc_cover.output import output_path
+from mpc_cover.studies.progress import CountedProgress
 from mpc_cover.studies.thesis_page import thesis_page
 from mpc_cover.studies.thesis_parts import Part, PartResult, all_parts
 from mpc_cover.studies.thesis_seeds import SeedTally, run_seeds, tally
@@ -38,6 +41,7 @@ class ThesisOptions:
     seeds: int = 0
     only: tuple[str, ...] = ()
     jobs: int = 1
+    overwrite: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,7 @@ def run_thesis(out: Path, options: ThesisOptions, console: Console, command: str
         There is no such figure, or the folder cannot be written.
     """
     parts = chosen_parts(options.only)
+    output_path(out, out, partial(_foreign, parts=parts, seed=options.seed), overwrite=options.overwrite)
     try:
         (out / "parts").mkdir(parents=True, exist_ok=True)
         results = _drawn(out / "parts", parts, options, console)
@@ -106,11 +111,12 @@ def _drawn(folder: Path, parts: list[Part], options: ThesisOptions, console: Con
     todo = [part for part in parts if part.key not in ready]
     if ready:
         console.print(f"{len(ready)} of {len(parts)} parts are there already", highlight=False)
-    for result in _made(folder, todo, options):
-        ready[result.key] = result
-        facts = [fact for panel in result.panels for fact in panel.facts]
-        text = f"{len(ready)} of {len(parts)}  {result.key}: {'; '.join(facts)}"
-        console.print(text, highlight=False, markup=False, soft_wrap=True)
+    with CountedProgress(len(todo), "parts") as progress:
+        for result in _made(folder, todo, options):
+            ready[result.key] = result
+            facts = [fact for panel in result.panels for fact in panel.facts]
+            progress.say(f"{len(ready)} of {len(parts)}  {result.key}: {'; '.join(facts)}")
+            progress.show(result.key)
     return [ready[part.key] for part in parts]
 
 
@@ -163,6 +169,22 @@ def _finished(folder: Path, part: Part, seed: int) -> PartResult | None:
     return found if whole and found.stamp == _stamp(part, seed) else None
 
 
+def _foreign(out: Path, parts: Sequence[Part], seed: int) -> Path | None:
+    """Return what a folder holds that would be lost: a page of something else, or a part of another seed or version."""
+    page = out / "index.html"
+    if page.is_file() and not (out / "parts").is_dir():
+        return page
+    for part in parts:
+        file = out / "parts" / part.key / _FILE
+        try:
+            found = msgspec.json.decode(file.read_bytes(), type=PartResult)
+        except (OSError, msgspec.MsgspecError):
+            continue
+        if found.stamp != _stamp(part, seed):
+            return file
+    return None
+
+
 def _stamp(part: Part, seed: int) -> str:
     """Return a hash of everything that determines a part."""
     mission = "" if part.mission is None else load_mission(str(part.mission)).to_json()
@@ -175,7 +197,7 @@ def _tallied(folder: Path, parts: list[Part], options: ThesisOptions, console: C
     if options.seeds == 0 or not flown:
         return []
     folder.mkdir(parents=True, exist_ok=True)
-    run_seeds(folder, flown, options.seeds, lambda tasks, fly: in_parallel(fly, tasks, options.jobs), console)
+    run_seeds(folder, flown, options.seeds, lambda tasks, fly: in_parallel(fly, tasks, options.jobs))
     tallies = [tally(folder, part, options.seeds) for part in flown]
     for tallied in tallies:
         console.print(tallied.text, highlight=False, markup=False, soft_wrap=True)

@@ -23,6 +23,8 @@ _SUM = 1e-9
 """Within this part of what is asked for, the rounding of sums decides, and either answer is honest."""
 _NO_BEND = 1e-9
 """Ratio of coefficients below which a parabola is a line, whose other roots are far outside the interval."""
+_STRIP = 1.01
+"""Half the width, in units of the reach, of the strip of cells that are looked at; 1 but for rounding."""
 _SAME_TIME = 1e-9
 _SAME_CELL = 1e-9
 
@@ -54,20 +56,25 @@ def first_measured(trajectory: Recording, radius: FloatArray, part: float = 1.0)
         return settled_at(trajectory, radius, rule, part * rule.level)
     if trajectory.mission.spec.sensing is Sensing.CONTINUOUS:
         return first_passed(trajectory, radius)
-    done = np.zeros(trajectory.cell.shape[0])
+    order = np.argsort(trajectory.cell[:, 0], kind="stable")
+    cell = trajectory.cell[order]
+    done = np.zeros(order.size)
     for reach in radius.T:
-        first = np.full_like(done, np.inf)
-        able = np.flatnonzero(reach > 0.0)
-        owed = np.arange(done.size)
-        for time, position in zip(trajectory.time, trajectory.position, strict=True):
-            offset = trajectory.cell[owed, None] - position[able]
-            seen = (np.einsum("kad,kad->ka", offset, offset) <= reach[able] ** 2).any(axis=1)
-            first[owed[seen]] = time
-            owed = owed[~seen]
-            if owed.size == 0:
-                break
-        done = np.maximum(done, first)
+        done[order] = np.maximum(done[order], _first_within(trajectory, cell, reach))
     return done
+
+
+def _first_within(trajectory: Recording, cell: FloatArray, reach: FloatArray) -> FloatArray:
+    """Return (K,) [s]: the first sample within `reach` (m,) [m] of each of the cells (K, d), sorted by coordinate 0."""
+    first = np.full(cell.shape[0], np.inf)
+    for agent in np.flatnonzero(reach > 0.0):
+        path, far = trajectory.position[:, agent], _STRIP * reach[agent]
+        begin, end = (np.searchsorted(cell[:, 0], path[:, 0] + side) for side in (-far, far))
+        for n, here in enumerate(path):
+            owed = begin[n] + np.flatnonzero(first[begin[n] : end[n]] > trajectory.time[n])
+            offset = cell[owed] - here
+            first[owed[np.einsum("kd,kd->k", offset, offset) <= reach[agent] ** 2]] = trajectory.time[n]
+    return first
 
 
 def first_passed(trajectory: Recording, radius: FloatArray) -> FloatArray:

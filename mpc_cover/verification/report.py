@@ -41,14 +41,14 @@ class Check:
 
     Attributes
     ----------
-    name : the property that was checked.
+    name : the property that was checked: a `CheckName`, or the name of a constraint of a user.
     holds : whether it holds, within the verifier's tolerance.
     margin : the smallest slack; negative where the property is violated; -inf when it could not be checked.
     unit : of the margin.
     where : agent or pair, and time, of the smallest margin.
     """
 
-    name: CheckName
+    name: CheckName | str
     holds: bool
     margin: float
     unit: str
@@ -56,7 +56,8 @@ class Check:
 
     def __str__(self) -> str:
         word = "holds, slack" if self.holds else "FAILS, margin"
-        return f"{self.name}: {word} {self.margin:.3g} {self.unit} ({self.where})"
+        margin = f"{self.margin:.3g} {self.unit}".rstrip()  # a user's constraint has no unit that we know
+        return f"{self.name}: {word} {margin} ({self.where})"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the check as plain data; a margin that is not finite becomes None, as JSON has no inf."""

@@ -6,9 +6,9 @@ import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 from rich.text import Text
+
+from mpc_cover.view.terminal_table import terminal_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,32 +69,17 @@ class Curve:
 
 
 def print_benchmark(rows: Sequence[Row], title: str, console: Console) -> None:
-    """Print a line for each peer, and below the table why each ended and what its best motion violates."""
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("peer", no_wrap=True)
-    for header, unit in _HEADERS:
-        table.add_column(Text(f"{header}\n{unit}"), justify="right", no_wrap=True)
-    for row in rows:
-        violation = _number(row.violation_path, "{:.1g}") if row.violation_path else "0"
-        table.add_row(
-            row.name,
-            _number(row.time_s, "{:.2f}"),
-            _number(row.ratio, "{:.1f}"),
-            _number(row.cost_m, "{:.4f}"),
-            _number(row.covered_percent, "{:.2f}"),
-            _number(row.best_at_s, "{:.2f}"),
-            _number(row.flyable_cost_m, "{:.4f}"),
-            Text(violation if row.time_s is not None else "-", style="" if row.holds else "bold red"),
-            _number(row.separation_sampled_m, "{:+.3f}"),
-            _number(row.separation_path_m, "{:+.3f}"),
-            _number(row.iterations, "{:d}"),
-        )
-    console.print(table)
-    for row in rows:
-        line = Text(f"{row.name}: {row.status}")
-        if row.worst:
-            line.append(f"; violates {row.worst}", style="red")
-        console.print(line, soft_wrap=True)
+    """Print a line for each peer, and below the table why each ended and what its best motion violates.
+
+    A table of 80 columns; what else a row holds is in bench.csv.
+    """
+    headers = ["peer", *(f"{header}\n{unit}" for header, unit in _HEADERS)]
+    console.print(terminal_table(title, headers, [_cells(row) for row in rows], console.width))
+    for names, status, worst in _endings(rows):
+        line = Text(f"{', '.join(names)}: {status}")
+        if worst:
+            line.append(f"; violates {worst}", style="red")
+        console.print(line)
 
 
 _HEADERS = (
@@ -103,34 +88,51 @@ _HEADERS = (
     ("J", "[m]"),
     ("covered", "[%]"),
     ("best at", "[s]"),
-    ("J flyable", "[m]"),
-    ("worst", "violation"),
-    ("apart, at", "samples [m]"),
-    ("apart, on", "path [m]"),
+    ("J flown", "[m]"),
+    ("worst", "breach"),
     ("iter-", "ations"),
 )
 
 
+def _endings(rows: Sequence[Row]) -> list[tuple[list[str], str, str]]:
+    """Return why peers ended and what they violate, those that ended alike together: names, status, violation."""
+    names: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        names.setdefault((row.status, row.worst), []).append(row.name)
+    return [(alike, status, worst) for (status, worst), alike in names.items()]
+
+
+def _cells(row: Row) -> list[str | Text]:
+    violation = _number(row.violation_path, "{:.1g}") if row.violation_path else "0"
+    return [
+        row.name,
+        _number(row.time_s, "{:.2f}"),
+        _number(row.ratio, "{:.1f}"),
+        _number(row.cost_m, "{:.4f}"),
+        _number(row.covered_percent, "{:.2f}"),
+        _number(row.best_at_s, "{:.2f}"),
+        _number(row.flyable_cost_m, "{:.4f}"),
+        Text(violation if row.time_s is not None else "-", style="" if row.holds else "bold red"),
+        _number(row.iterations, "{:d}"),
+    ]
+
+
 def print_steps(parts: dict[str, tuple[float, float, float]], title: str, console: Console) -> None:
     """Print where a control step's time goes: median, 99th percentile [ms] and share of each part."""
-    table = Table(title=title, title_justify="left")
-    for header in ("part", "median", "p99", "share"):
-        table.add_column(header, justify="left" if header == "part" else "right")
-    for name, (median, high, share) in parts.items():
-        style = "bold" if name == "step" else ""
-        table.add_row(name, f"{median:.2f} ms", f"{high:.2f} ms", f"{100.0 * share:.1f} %", style=style)
-    console.print(table)
+    rows = [
+        (name, f"{median:.2f} ms", f"{high:.2f} ms", f"{100.0 * share:.1f} %")
+        for name, (median, high, share) in parts.items()
+    ]
+    console.print(terminal_table(title, ("part", "median", "p99", "share"), rows, console.width))
 
 
 def print_maps(rows: Sequence[dict[str, str | float]], title: str, console: Console) -> None:
     """Print how long a step of each map takes [ms]."""
-    table = Table(title=title, title_justify="left")
-    for header in ("map", "cells in a disc", "median", "p99"):
-        table.add_column(header, justify="left" if header == "map" else "right")
-    for row in rows:
-        times = (f"{row[name]:.2f} ms" for name in ("p50_ms", "p99_ms"))
-        table.add_row(str(row["map"]), str(row["cells_in_range"]), *times)
-    console.print(table)
+    shown = [
+        (str(row["map"]), str(row["cells_in_range"]), *(f"{row[name]:.2f} ms" for name in ("p50_ms", "p99_ms")))
+        for row in rows
+    ]
+    console.print(terminal_table(title, ("map", "cells in a disc", "median", "p99"), shown, console.width))
 
 
 def draw_history(curves: Sequence[Curve], title: str, file: Path) -> Path:
@@ -167,5 +169,13 @@ _FIRST_S = 0.01
 _OFFSET: dict[str, Any] = {"textcoords": "offset points", "fontsize": 9.0, "color": "#767676"}
 
 
+_WIDEST = 7
+"""Characters of a number in a table: eight columns of them, and the names of peers, fit into 80."""
+
+
 def _number(value: float | None, form: str) -> str:
-    return "-" if value is None or not math.isfinite(value) else form.format(value)
+    """Return a number in a form, with fewer digits where it would be wider than its column."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    text = form.format(value)
+    return text if len(text) <= _WIDEST else f"{value:.2g}"

@@ -35,6 +35,11 @@ if TYPE_CHECKING:
 
     Draw = Callable[[Axes], None]
 
+FIGURES = tuple(
+    f"{name}.png"
+    for name in ("overview", "map", "map-*", "coverage", "speeds", "altitudes", "ages", "inputs", "distances", "steps")
+)
+"""Names of all files that `draw_run` may write, as patterns."""
 _NAMED = 16
 """With more agents than this a legend would crowd out the curves."""
 

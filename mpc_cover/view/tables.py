@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
 from rich.text import Text
+
+from mpc_cover.view.terminal_table import terminal_table
 
 _PROMISED = 10.0
 """Per cent of the area that may be out of range though its cells are covered. A plain choice: box-3 misses 4."""
@@ -22,25 +23,25 @@ if TYPE_CHECKING:
 
 def print_summary(summary: RunSummary, console: Console) -> None:
     """Print what was covered and when, and how near its limits the fleet came."""
-    table = Table(title=f"{summary.mission} ({summary.kind})", show_header=False, title_justify="left")
-    table.add_column(style="bold")
-    table.add_column()
-    for name, value in _rows(summary):
-        table.add_row(name, value)
-    console.print(table)
+    rows = [(Text(name, style="bold"), value) for name, value in _rows(summary)]
+    console.print(terminal_table(f"{summary.mission} ({summary.kind})", (), rows, console.width, left=(0, 1)))
     for violation in summary.violations:
         console.print(Text(f"violation: {violation}", style="bold red"))
 
 
 def print_report(report: Report, console: Console, information: dict[str, Any] | None = None) -> None:
     """Print what holds and by what margin, and the figures of the mission's kind of information, if it has some."""
-    table = Table(title="verification", title_justify="left")
-    for header in ("check", "holds", "margin", "where it is smallest"):
-        table.add_column(header, justify="right" if header == "margin" else "left")
-    for check in report.checks:
-        verdict = Text("yes", style="green") if check.holds else Text("NO", style="bold red")
-        table.add_row(Text(check.name), verdict, Text(_margin(check.margin, check.unit)), Text(check.where))
-    console.print(table)
+    rows = [
+        (
+            check.name,
+            Text("yes", style="green") if check.holds else Text("NO", style="bold red"),
+            _margin(check.margin, check.unit),
+            check.where,
+        )
+        for check in report.checks
+    ]
+    headers = ("check", "holds", "margin", "where it is smallest")
+    console.print(terminal_table("verification", headers, rows, console.width, left=(0, 1, 3)))
     if information is not None:
         console.print(Text(_information(information), style=_warning(information)))
     failed = len(report.failures)

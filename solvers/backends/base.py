@@ -1,7 +1,6 @@
 """The base class of QP back-ends: validation and error handling around a native solver, acceptance of its results.
 
-A back-end implements `_setup`, `_update`, `_warm_start` and `_solve`; known failure modes of native solvers are handled
-here, once. Usage: `setup` once, then any number of `update`, `warm_start` and `solve`.
+Known failure modes of native solvers are handled here, once.
 """
 
 from __future__ import annotations
@@ -15,13 +14,7 @@ import numpy as np
 
 from solvers.backends.acceptance import OVERRULABLE, RawSolution, accepted_status
 from solvers.backends.options import Options
-from solvers.checks import (
-    InvalidQPError,
-    check_bounds,
-    check_diagonal,
-    check_finite,
-    column_of_each_entry,
-)
+from solvers.checks import InvalidQPError, check_bounds, check_diagonal, check_finite, column_of_each_entry
 from solvers.residuals import kkt_residuals
 from solvers.solution import QPSolution
 from solvers.status import Status
@@ -46,7 +39,8 @@ class BackendStateError(RuntimeError):
 class Backend(ABC):
     """One native QP solver that holds one problem, whose values, but not its sparsity pattern, may change.
 
-    Each class declares its `name` in the registry and its `capabilities`.
+    Usage: `setup` once, then any number of `update`, `warm_start` and `solve`. Each class declares its `name` in the
+    registry and its `capabilities`, and implements `_setup`, `_update`, `_warm_start` and `_solve`.
 
     Parameters
     ----------
@@ -209,8 +203,8 @@ class Backend(ABC):
     def _build(self, begun: float) -> None:
         """Set up the native solver with the current data; `_ready` is whether that succeeded."""
         qp, start = self.qp, self._start
-        if qp.n > (most := self.capabilities.variables_max):  # native code may crash the process
-            self._failure = f"{self.name} is given at most {most} variables, not {qp.n}"
+        if not self.capabilities.bears(qp):  # native code may crash the process
+            self._failure = f"{self.name} is given at most {self.capabilities.variables_max} variables, not {qp.n}"
             return
         self._ready = self._attempt(lambda: (self._setup(qp, self._options), True)) is not None
         if self._ready and start is not None:
@@ -235,8 +229,10 @@ class Backend(ABC):
             self._forget()
         elif status in OVERRULABLE:
             self._start = (raw.x, raw.y)
+        times = (setup_time_s, solve_time_s)
+        work = self.capabilities.entry_iteration_s * raw.iterations
         return QPSolution(
-            raw.x, raw.y, status, residuals, raw.iterations, setup_time_s, solve_time_s, raw.cone_dual, raw.detail
+            raw.x, raw.y, status, residuals, raw.iterations, *times, raw.cone_dual, raw.detail, self.name, work
         )
 
     def _forget(self) -> None:
@@ -248,4 +244,4 @@ class Backend(ABC):
         """Return the warm start, or zeros, as the solution of a solve that did not take place."""
         x, y = self._start or (np.zeros(self.qp.n), None)
         y = np.zeros(self.qp.m) if y is None else y
-        return QPSolution(x, y, status, kkt_residuals(self.qp, x, y), 0, setup_time_s, 0.0, None, detail)
+        return QPSolution(x, y, status, kkt_residuals(self.qp, x, y), 0, setup_time_s, 0.0, None, detail, self.name)

@@ -8,6 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from solvers.qp import QP
 
 
 @dataclass(frozen=True)
@@ -22,7 +26,8 @@ class Capabilities:
     accurate: the tightest tolerance that it reaches on every QP within its default number of iterations and in
         reasonable time.
     entry_iteration_s: time of an iteration per stored entry of A [s].
-    variables_max: the most variables of a QP that it is given; it has been seen to bear so many.
+    variables_max: the most variables of a QP that it is given; it has been seen to bear about so many.
+    whole_problem: whether `solvers.native` descends on the whole problem in its place, where it can.
     """
 
     second_order_cones: bool
@@ -30,7 +35,8 @@ class Capabilities:
     fine: float
     accurate: float
     entry_iteration_s: float
-    variables_max: int = 150_000
+    variables_max: int = 100_000
+    whole_problem: bool = False
 
     def __post_init__(self) -> None:
         """Raise `ValueError` for non-positive numbers, or tolerances in the wrong order."""
@@ -38,3 +44,7 @@ class Capabilities:
             raise ValueError(f"0 < accurate <= fine <= inexact is wanted, got {self}")
         if not 0.0 < self.entry_iteration_s < math.inf:
             raise ValueError(f"entry_iteration_s must be positive and finite, got {self.entry_iteration_s}")
+
+    def bears(self, qp: QP) -> bool:
+        """Return whether a QP is one of those that the back-end may be given, by its size and its cones."""
+        return qp.n <= self.variables_max and (self.second_order_cones or qp.cones is None)

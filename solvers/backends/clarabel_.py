@@ -33,10 +33,18 @@ if TYPE_CHECKING:
 MAX_ITERATIONS = 200
 """Clarabel's own default."""
 
-CAPABILITIES = Capabilities(second_order_cones=True, inexact=1e-3, fine=1e-4, accurate=1e-9, entry_iteration_s=1.6e-7)
+CAPABILITIES = Capabilities(
+    second_order_cones=True,
+    inexact=1e-3,
+    fine=1e-4,
+    accurate=1e-9,
+    entry_iteration_s=1.6e-7,
+    variables_max=180_000,
+)
 """Measured as in `capabilities`. Mean J of the refined plans, by tolerance: 1e-2 5.27 m, 1e-3 5.12 m, 1e-4 4.98 m,
 1e-6 4.99 m; in 0.38, 0.86, 1.27, 1.57 s, where 1e-3 is for early stages only. All of 72 accurate QPs are solved to
-1e-10 yet, and 1e-9 takes no longer than 1e-6. An iteration takes 1.3e-7 to 2.0e-7 s an entry."""
+1e-10 yet, and 1e-9 takes no longer than 1e-6. An iteration takes 1.3e-7 to 2.0e-7 s an entry.
+QPs of up to 182,043 variables were set up in 11 s."""
 
 STATUS: Mapping[str, Status] = MappingProxyType(
     {

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _PLACES = MappingProxyType(
     {
+        "native": ("solvers.backends.native_", "NativeBackend"),
         "osqp": ("solvers.backends.osqp_", "OSQPBackend"),
         "clarabel": ("solvers.backends.clarabel_", "ClarabelBackend"),
         "piqp": ("solvers.backends.piqp_", "PIQPBackend"),

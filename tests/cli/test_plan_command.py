@@ -31,7 +31,7 @@ def test_a_plan_that_the_verifier_refuses_is_not_written(run, quick, tmp_path, m
         return replace(plan, position=plan.position + 100.0)
 
     monkeypatch.setattr("mpc_cover.studies.plans.plan_mission", through_the_wall)
-    status, out, err = run("plan", quick, "--out", "p.npz", "--json")
+    status, out, err = run("plan", quick, "--out", "p.npz", "--overwrite", "--json")
     assert (status, json.loads(out)["file"]) == (1, None)
     assert "not written: it does not pass the verifier" in err
     assert (tmp_path / "p.npz").read_bytes() == before
@@ -40,14 +40,15 @@ def test_a_plan_that_the_verifier_refuses_is_not_written(run, quick, tmp_path, m
 
 
 def test_plan_and_plot(run, quick, tmp_path):
-    status, out, _ = run("plan", quick, "--out", "p.npz", "--json")
+    status, out, err = run("plan", quick, "--out", "p.npz", "--json")
     summary = json.loads(out)
     assert status == 0
+    assert "s: covers everything (" in err, "what was found is told there, and nothing but JSON here"
     assert summary["kind"] == "plan"
     assert summary["holds"]
     assert load_trajectory(tmp_path / "p.npz").meta["kind"] == "plan"
     status, out, err = run("plot", "p.npz")
-    assert (status, err) == (0, "")
+    assert (status, "mpc-cover:" in err) == (0, False)
     files = [Path(line) for line in out.splitlines()]
     assert all(file.read_bytes().startswith(b"\x89PNG") for file in files)
     assert {file.parent for file in files} == {Path("p")}

@@ -73,14 +73,14 @@ def test_what_was_flown_in_simulation_is_written(run, tmp_path, monkeypatch, law
     write_mission(tmp_path / "quick.yaml", QUICK)
 
     def interrupt(_, status):
-        if status.mission_time_s > 2.0:
+        if status.mission_time_s > 1.0:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(Progress, "show", interrupt)
     status, out, _ = run("simulate", "quick.yaml", "--controller", law, "--out", "cut")
     assert status == 130
     assert "interrupted" in out
-    assert load_trajectory(tmp_path / "cut" / "trajectory.npz").end_time >= 2.0
+    assert load_trajectory(tmp_path / "cut" / "trajectory.npz").end_time >= 1.0
     assert run("check", "cut")[0] == 1
 
 

@@ -23,7 +23,7 @@ def test_simulate_writes_a_run_and_says_so_in_json(simulated, tmp_path):
 def test_a_run_of_ours_is_written_anew(simulated, run, tmp_path):
     first = (tmp_path / "run" / "trajectory.npz").read_bytes()
     (tmp_path / "run" / "stale.png").write_bytes(b"")
-    assert run("simulate", "mission.yaml", "--out", "run")[0] == 0
+    assert run("simulate", "mission.yaml", "--out", "run", "--overwrite")[0] == 0
     assert (tmp_path / "run" / "trajectory.npz").read_bytes() == first
     assert not (tmp_path / "run" / "stale.png").exists()
 

@@ -62,4 +62,4 @@ def test_sizes_that_make_no_sense(refused, arguments, message):
 
 def test_an_answer_that_cannot_be_written_is_refused_before_the_work(refused):
     Path("taken").write_text("a file")
-    assert "--out taken: cannot be made" in refused("size", "--out", "taken")
+    assert "--out taken: cannot be written" in refused("size", "--out", "taken")

@@ -31,7 +31,7 @@ def test_a_figure_of_the_thesis_and_its_seeds(run):
         (["laws", "fig-5-1"], "the laws are compared on double integrators"),
         (["laws", "tiny.yaml", "--starts", "x"], "--starts x: must be random or mission"),
         (["laws", "tiny.yaml", "--backend", "x"], "--backend x: is none"),
-        (["laws", "tiny.yaml", "--out", "tiny.yaml"], "--out tiny.yaml: cannot be made"),
+        (["laws", "tiny.yaml", "--out", "tiny.yaml"], "--out tiny.yaml: cannot be written"),
         (["laws", "none.yaml"], "no such file"),
         (["laws", "tiny.yaml", "patrol"], "information.kind ageing"),
     ],

@@ -35,6 +35,7 @@ from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.scp import SCPResult
 from mpc_cover.service.run.simulate import simulate
 from mpc_cover.verification.check import check_trajectory
+from solvers.backends.registry import BACKENDS
 
 
 @pytest.mark.parametrize("horizon", [4, 8, 30])
@@ -346,3 +347,12 @@ def test_a_plan_that_is_not_passively_safe_is_not_taken_in_flight_where_a_safe_o
     proposal, _ = go_on(law, replace(state, settled=True), coverage)
     assert proposal.source is PlanSource.NEW
     assert law.mode is Mode.NOMINAL
+
+
+def test_a_flight_goes_on_with_another_back_end_and_says_who_answered(monkeypatch):
+    able = replace(BACKENDS["piqp"].capabilities, variables_max=1)
+    monkeypatch.setattr(BACKENDS["piqp"], "capabilities", able)
+    mission = small_mission()
+    coverage, _, proposals = fly(mission, RecedingHorizon(mission, backend="piqp"))
+    assert coverage.complete
+    assert any("QPs answered by others: clarabel " in proposal.reason for proposal in proposals)

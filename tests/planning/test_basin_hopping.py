@@ -70,7 +70,7 @@ def test_from_rest_hops_cover_what_a_descent_leaves():
     task = offline_task(load_mission("configs/thesis/fig-3-3.yaml"))
     ocp = task.ocp(30)
     x = ocp.decision_of(task.flown(rest_guess(task.position), 30))
-    backend = make_backend("piqp")
+    backend = make_backend("native")
     descent = optimise(ocp, x, backend, budget=UNLIMITED)
     found = multistart(task, backend, 30, Search(rounds=4), UNLIMITED, given={"still": x})[0]
     assert found.origin.name == "still"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -106,3 +107,31 @@ def test_without_a_duration_a_plan_takes_as_long_as_it_takes():
     plan = plan_mission(build_mission(spec, "box"), PlanOptions(starts=2))
     assert np.isfinite(plan.covered_at).all()
     assert check_trajectory(plan).holds
+
+
+def limited(monkeypatch, **most):
+    """Give back-ends other limits on the number of variables."""
+    for name, variables in most.items():
+        able = replace(BACKENDS[name].capabilities, variables_max=variables)
+        monkeypatch.setattr(BACKENDS[name], "capabilities", able)
+
+
+def test_qps_too_large_for_the_back_end_are_solved_by_the_next_and_the_plan_says_so(monkeypatch):
+    mission, options = changed_box(), PlanOptions(starts=2, backend="piqp")
+    assert set(plan_mission(mission, options).meta["qps"]) == {"piqp"}
+    limited(monkeypatch, piqp=1)
+    plans = [plan_mission(mission, options) for _ in range(2)]
+    assert set(plans[0].meta["qps"]) == {"clarabel"}
+    assert np.isfinite(plans[0].covered_at).all()
+    assert plans[0].position.tobytes() == plans[1].position.tobytes()
+
+
+def test_where_no_back_end_bears_the_qps_the_plan_says_so(monkeypatch):
+    limited(monkeypatch, piqp=1, clarabel=1, osqp=1)
+    spec = json.loads(changed_box().to_json())
+    spec["planning"]["duration_s"] = 4.0
+    mission = build_mission(spec, "too short for everything")
+    plan = plan_mission(mission, PlanOptions(starts=2, backend="piqp"))
+    assert plan.meta["qps"] == {}
+    assert check_trajectory(plan).holds
+    assert "more than any back-end" in plan.meta["stopped"]

@@ -15,6 +15,7 @@ ACCURATE = (Options(optimality=1e-9, qp=QPOptions(tolerance=1e-9)), 1e-6, 1e-5)
 ACCURACY = {
     "clarabel": ACCURATE,
     "piqp": ACCURATE,
+    "native": ACCURATE,
     "osqp": (Options(optimality=1e-7, qp=QPOptions(tolerance=1e-6)), 1e-5, 1e-3),
 }
 

@@ -22,7 +22,9 @@ def tiny(name="tiny", **changes) -> Mission:
 def tiny_run(controller="mpc", seed=0, mission=None, starts="random", **changes) -> Run:
     mission = mission or tiny()
     ahead = controller == "mpc"
-    run = Run("tiny", mission.to_json(), controller, "piqp" if ahead else None, 8 if ahead else None, 0.5, seed, starts)
+    run = Run(
+        "tiny", mission.to_json(), controller, "native" if ahead else None, 8 if ahead else None, 0.5, seed, starts
+    )
     return replace(run, **{"name": mission.spec.name, **changes})
 
 

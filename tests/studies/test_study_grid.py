@@ -26,11 +26,11 @@ def grid(file):
 def test_every_combination_is_a_run_and_the_first_seed_comes_first(grid):
     runs = runs_of(grid).runs
     assert [(run.controller, run.horizon_steps, run.backend, run.seed) for run in runs] == [
-        ("mpc", 6, "piqp", 0),
-        ("mpc", 8, "piqp", 0),
+        ("mpc", 6, "native", 0),
+        ("mpc", 8, "native", 0),
         ("sweep", None, None, 0),
-        ("mpc", 6, "piqp", 1),
-        ("mpc", 8, "piqp", 1),
+        ("mpc", 6, "native", 1),
+        ("mpc", 8, "native", 1),
         ("sweep", None, None, 1),
     ]
     assert len({run.key for run in runs}) == 6
@@ -88,7 +88,7 @@ def test_a_horizon_that_is_none_is_refused(horizon):
         ({"backends": ()}, "--backends: is empty"),
         ({"controllers": ()}, "--controllers: is empty"),
         ({"controllers": ("mpc", "pid")}, "--controllers pid: is none: must be among mpc, sweep, potential"),
-        ({"backends": ("gurobi",)}, "--backends gurobi: is none: must be among osqp, clarabel, piqp"),
+        ({"backends": ("gurobi",)}, "--backends gurobi: is none: must be among native, osqp, clarabel, piqp"),
         ({"periods": (0.0,)}, "--periods 0: must be a number of seconds"),
         ({"periods": (float("nan"),)}, "--periods nan: must be a number of seconds"),
         ({"starts": "anywhere"}, "--starts anywhere: must be one of random, mission"),

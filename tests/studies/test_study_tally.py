@@ -32,9 +32,9 @@ def test_labels_say_what_differs():
         tiny_run("sweep", starts="mission"),
     ]
     assert [one.label for one in groups_of(*map(record_of, runs))] == [
-        "mpc 4 s piqp T 0.25 s random start",
+        "mpc 4 s native T 0.25 s random start",
+        "mpc 4 s native T 0.5 s random start",
         "mpc 4 s osqp T 0.5 s random start",
-        "mpc 4 s piqp T 0.5 s random start",
         "sweep T 0.5 s mission start",
     ]
 

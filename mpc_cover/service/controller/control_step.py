@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from mpc_cover.control.control_law import PlanSource, Proposal
+from mpc_cover.control.control_law import ImprovesWhenIdle, PlanSource, Proposal
 from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.service.controller.step_log import Step, StepKind
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 STOP_LEAD = 2.0
 """A stop begins so many state periods after the command: one for agents to read it, one for its computation."""
+_SLICE_MIN = 0.01
+"""Part of a period below which idle time is left alone; a plain choice: less than a descent takes."""
 LATEST_START = 0.5
 """Part of the time for a step that must be left when it starts, or it is skipped."""
 
@@ -70,10 +72,11 @@ class ControlStep:
         self._control, self._speed, self._budget_of = control, speed, budget_of
         self._lead_s = STOP_LEAD * control.state_period_s
         self._stop_sent_s: float | None = None
+        self._idle_s = 0.0
 
     def set_law(self, law: ControlLaw, control: Control) -> None:
         """Plan by another law from now on, for another version of the mission."""
-        self._law, self._control, self.failures = law, control, 0
+        self._law, self._control, self.failures, self._idle_s = law, control, 0, 0.0
 
     def prepare(self, state: FleetState, coverage: FlownMap) -> tuple[Proposal, float]:
         """Return the first plan of a fleet at rest, and its computing time [s]; exceptions of the law propagate."""
@@ -99,7 +102,7 @@ class ControlStep:
         UnknownPlanError
             An agent flies a plan that this controller did not send.
         """
-        self.sent = False
+        self.sent, self._idle_s = False, 0.0
         clock, tick = self._mission_clock, self._mission_clock.tick
         budget_s = self._control.deadline_fraction * self._control.period_s
         left_s = clock.grid(tick) + budget_s - self._clock.now()
@@ -123,8 +126,22 @@ class ControlStep:
             self._emit("late", "a step took too long: its plan is not sent, the previous one goes on")
         else:
             self.sent = self._publish(proposal, state, supervisor)
+            self._idle_s = self._control.improvement_share * self._control.period_s if self.sent else 0.0
         took_s = time.perf_counter() - begun
         self._log(StepKind.STEP, state, proposal, computing_s, took_s, missed=late or budget.left_s < 0.0)
+
+    def improve(self, limit_s: float) -> None:
+        """Let the law use idle time, at most `limit_s` of the clock [s] and the mission's share of each period."""
+        seconds = min(limit_s, self._idle_s)
+        if seconds < _SLICE_MIN * self._control.period_s or not isinstance(self._law, ImprovesWhenIdle):
+            return
+        budget = self._budget_of(seconds / self._speed)
+        try:
+            more = self._law.improve(budget)
+        except Exception as error:  # noqa: BLE001 - the plan that was sent is flown all the same
+            self._emit("step-failed", f"an improvement failed: {error!r}; the plan goes on as it is")
+            more = False
+        self._idle_s = self._idle_s - (seconds - self._speed * budget.left_s) if more else 0.0
 
     def begin_stop(self) -> None:
         """Let the next `stop` send a motion to rest, whatever was sent before."""

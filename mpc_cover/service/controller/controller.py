@@ -196,6 +196,11 @@ class Controller:
         self._save()
         self._schedule()
 
+    def idle(self, until_s: float) -> None:
+        """Improve the rest of the plan until a time of the clock [s], as far as the mission allows."""
+        if self.phase is Phase.FLYING and not self._commands.waiting:
+            self._control_step.improve(until_s - self._clock.now())
+
     def shutdown(self) -> None:
         """Report that it ends, and save the progress; agents finish their plans by themselves."""
         self._receive()

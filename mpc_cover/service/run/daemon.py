@@ -91,14 +91,21 @@ def run(
     stop: Event,
     after_tick: Callable[[], None] | None = None,
     look_s: float = math.inf,
+    idle: Callable[[float], None] | None = None,
 ) -> None:
     """Run until it is done or `stop` is set; `shutdown` is called whatever happens.
 
-    When the next tick is due is looked up every `look_s` of the clock [s]: a command may make it due at once.
+    Before it waits until a time of the clock [s], `idle` is called with it. When the next tick is due is looked up
+    every `look_s` of the clock [s]: a command may make it due at once.
     """
     try:
         participant.startup()
-        while not participant.done and clock.wait_until(min(participant.next_time, clock.now() + look_s), stop):
+        while not participant.done:
+            until_s = min(participant.next_time, clock.now() + look_s)
+            if idle is not None:
+                idle(until_s)
+            if not clock.wait_until(until_s, stop):
+                break
             if participant.next_time > clock.now():
                 continue
             participant.tick()

@@ -49,7 +49,7 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
             processes = Processes(mission, options, folder, endpoint)
             observer = Observer(mission, transport, clock)
             try:
-                with Progress(console) as progress:
+                with Progress() as progress:
                     over = completion_text(mission)
                     watch = Watch(processes, observer, signals, progress, options.deaths, over=over)
                     outcome = watch.until_over()

@@ -21,7 +21,7 @@ CONNECT_TIMEOUT_S = 30.0
 class DemoOptions:
     """See `mpc-cover demo --help`; `deaths` are the mission times [s] at which agents are killed, by id."""
 
-    backend: str = "piqp"
+    backend: str = "native"
     seed: int = 0
     speed: float = 1.0
     deaths: Mapping[str, float] = field(default_factory=dict)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.errors import UnreadableFileError, UserError
+from mpc_cover.output import output_path
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,11 +23,11 @@ if TYPE_CHECKING:
     from mpc_cover.verification.summary import RunSummary
 
 MARKER = "run.json"
-"""A folder with this file is a run folder and may be overwritten."""
+"""A folder with this file is a run folder; others are never cleared."""
 
 
 class RunFolder:
-    """Creates a run folder, and writes its files.
+    """Creates a run folder, and writes its files; what an earlier run left in it is removed, see `run_path`.
 
     Raises
     ------
@@ -107,14 +108,23 @@ class RunFolder:
                 file.unlink()
 
 
-def default_folder(mission: Mission) -> Path:
-    """Return runs/<mission>-<local time>, which does not exist yet."""
-    name = f"{mission.spec.name}-{time.strftime('%Y%m%d-%H%M%S')}"
-    path, number = Path("runs") / name, 1
-    while path.exists():
-        number += 1
-        path = Path("runs") / f"{name}-{number}"
-    return path
+def run_path(given: Path | None, mission: Mission, *, overwrite: bool = False) -> Path:
+    """Return the path of a new run: as given, or runs/<mission>-<local time>, which does not exist yet.
+
+    Raises
+    ------
+    UserError
+        A flight is there already, and is not to be overwritten.
+    """
+    default = Path("runs") / f"{mission.spec.name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    return output_path(given, default, flown_in, overwrite=overwrite)
+
+
+def flown_in(folder: Path) -> Path | None:
+    """Return the file in a run folder that tells of a flight: its trajectory, or an agent's record of some motion."""
+    records = (file for file in sorted(folder.glob("agents/*.jsonl")) if file.read_bytes().count(b"\n") > 1)
+    trajectory = folder / "trajectory.npz"
+    return trajectory if trajectory.is_file() else next(records, None)
 
 
 def read_step_times(folder: Path) -> FloatArray | None:

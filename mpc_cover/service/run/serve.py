@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.errors import UserError
+from mpc_cover.output import free_path
 from mpc_cover.service.protocol.keys import Keys
 from mpc_cover.service.protocol.messages import Phase
 from mpc_cover.service.protocol.network import LEASE_MS
 from mpc_cover.service.protocol.transport import open_transport
 from mpc_cover.service.run.daemon import Signals, run
+from mpc_cover.service.run.run_folder import flown_in, run_path
 from mpc_cover.service.run.served_run import ServedRun
 
 if TYPE_CHECKING:
@@ -44,7 +46,7 @@ STATUS_EVERY_S = 2.0
 class ServeOptions:
     """See `mpc-cover serve --help`."""
 
-    backend: str = "piqp"
+    backend: str = "native"
     seed: int = 0
     speed: float = 1.0
     state_dir: Path | None = None
@@ -53,6 +55,7 @@ class ServeOptions:
     step_log: Path | None = None
     with_parent: bool = False
     out: Path | None = None
+    overwrite: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,7 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
     with Signals(child=options.with_parent) as signals, StateDirectory(path) as folder:
         follow_parent(options.with_parent, signals.stop)
         clock = MonotonicClock(options.speed)
+        place = None if options.with_parent else _run_path(mission, options, folder)
         try:
             transport = open_transport(network, clock, signals.stop)
         except InterruptedError:
@@ -89,11 +93,12 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
             identity = uuid.uuid4().hex
             refuse_second(mission, transport, signals.stop)
             transport.announce(Keys(mission.spec.name).controller_instance(identity))  # before what takes a second
-            record = None if options.with_parent else _record(mission, options)
+            meta = {"seed": options.seed, "backend": options.backend}
+            record = None if place is None else ServedRun(mission, place, meta, options.speed, say)
             say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
             controller = _controller(mission, options, folder, transport, clock, identity, record)
             look_s = mission.spec.control.state_period_s
-            run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s)
+            run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s, controller.idle)
         finally:
             transport.close()
         if record is not None:
@@ -102,8 +107,15 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
         return signals.exit_status if unfinished else controller.exit_status
 
 
-def _record(mission: Mission, options: ServeOptions) -> ServedRun:
-    return ServedRun(mission, options.out, {"seed": options.seed, "backend": options.backend}, options.speed, say)
+def _run_path(mission: Mission, options: ServeOptions, folder: StateDirectory) -> Path:
+    """Return where the run goes: a mission that is resumed goes on in a folder beside that of its last part."""
+    from mpc_cover.service.controller.checkpoint import FileCheckpoints  # noqa: PLC0415 - only here
+
+    if options.out is not None and not (options.fresh or options.overwrite) and flown_in(options.out) is not None:
+        resume, _ = FileCheckpoints(folder, mission).load()
+        if resume is not None:
+            return free_path(options.out)
+    return run_path(options.out, mission, overwrite=options.overwrite)
 
 
 def refuse_second(mission: Mission, transport: Transport, stop: Event) -> None:

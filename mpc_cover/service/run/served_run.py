@@ -6,7 +6,7 @@ import shutil
 from typing import TYPE_CHECKING, Any
 
 from mpc_cover.service.agent.recorder import FileRecorder, Header
-from mpc_cover.service.run.run_folder import RunFolder, default_folder
+from mpc_cover.service.run.run_folder import RunFolder
 from mpc_cover.trajectory_file import RecordingKind
 from mpc_cover.version import __version__
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 
 class ServedRun:
-    """A run folder, written when the mission is over; without a flight it is removed, unless it was asked for.
+    """A run folder, written when the mission is over; without a flight it is removed.
 
     Parameters
     ----------
-    mission, out : the mission, and the folder; None for one of runs/.
+    mission, path : the mission, and the folder.
     meta : written into the trajectory, beside `speed`, how many seconds of the clock pass in one of the machine's.
     say : called with messages for users.
 
@@ -38,11 +38,11 @@ class ServedRun:
     """
 
     def __init__(
-        self, mission: Mission, out: Path | None, meta: dict[str, Any], speed: float, say: Callable[[str], None]
+        self, mission: Mission, path: Path, meta: dict[str, Any], speed: float, say: Callable[[str], None]
     ) -> None:
-        self._out, self._say = out, say
+        self._say = say
         self._meta = {"kind": RecordingKind.SERVE, "version": __version__, "speed": speed, **meta}
-        self._folder = RunFolder(out or default_folder(mission), RecordingKind.SERVE, mission)
+        self._folder = RunFolder(path, RecordingKind.SERVE, mission)
         self.recorders = [
             FileRecorder(self._folder.record(name), Header(name, "", mission.spec.name, speed), say)
             for name in mission.fleet.ids
@@ -65,7 +65,5 @@ class ServedRun:
         summary = write_records(controller.mission, self._folder, self._meta, extra, lost, step_times_of(times))
         if summary is not None:
             self._say(f"the run is in {self._folder.path}: {summary.covered_percent:.2f} % covered")
-        elif self._out is None:
-            shutil.rmtree(self._folder.path, ignore_errors=True)
         else:
-            self._say(f"nothing was flown: {self._folder.path} holds no trajectory")
+            shutil.rmtree(self._folder.path, ignore_errors=True)

@@ -5,6 +5,7 @@ It is deterministic.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from threading import Event
 from typing import TYPE_CHECKING
@@ -60,7 +61,7 @@ class Simulation:
 def simulate(
     mission: Mission,
     *,
-    backend: str = "piqp",
+    backend: str = "native",
     seed: int = 0,
     law: ControlLaw | None = None,
     channel: Callable[[str, bytes], list[bytes]] | None = None,
@@ -132,7 +133,10 @@ def _run(
                 continue
         clock.wait_until(due.next_time, never)
         due.tick()
-        if due is controller and on_tick and controller.heartbeat.status:
+        if due is not controller:
+            continue
+        controller.idle(math.inf)
+        if on_tick and controller.heartbeat.status:
             on_tick(controller.heartbeat.status)
     for participant in running():
         participant.shutdown()

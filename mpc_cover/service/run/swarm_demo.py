@@ -44,7 +44,7 @@ def run_swarm_demo(mission: Mission, options: DemoOptions, folder: RunFolder, co
             observer = SwarmObserver(mission, transport, MonotonicClock(options.speed))
             processes = _AgentProcesses(mission, options, folder, endpoint)
             try:
-                with Progress(console) as progress:
+                with Progress() as progress:
                     outcome = processes.until_over(observer, signals, progress)
             finally:
                 processes.end()

@@ -74,5 +74,4 @@ def _proposed(problem: CoverageNLP, x: FloatArray, radius: float, solver: str) -
         return None
     if not np.isfinite(value):
         return None
-    velocity = np.array([v.value for v in reference.velocity])
-    return ocp.exact_ends(ocp.decision(reference.position[0].value, velocity)), value
+    return ocp.exact_ends(ocp.decision(reference.position.value[0], reference.velocity.value)), value

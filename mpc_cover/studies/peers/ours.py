@@ -31,7 +31,7 @@ def from_guess(case: Case, x: FloatArray, watch: Watch, *, backend: str) -> Answ
 
 def from_own_starts(case: Case, x: FloatArray, watch: Watch) -> Answer:
     """Plan as `mpc-cover plan` does; the given guess `x` is not used."""
-    return _planned(case, x, watch, "piqp", None)
+    return _planned(case, x, watch, "native", None)
 
 
 def _planned(case: Case, x: FloatArray, watch: Watch, backend: str, given: Mapping[str, FloatArray] | None) -> Answer:

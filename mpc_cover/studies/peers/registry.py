@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.studies.watch import Peer
 
-OURS = "ours-piqp"
+OURS = "ours-native"
 """The peer whose times all others are compared with."""
 
 
@@ -38,10 +38,11 @@ class Entry:
 
 
 _ENTRIES = (
-    Entry(OURS, "ours", "from_guess", "`mpc-cover plan` from the given guess alone, PIQP", {"backend": "piqp"}),
+    Entry(OURS, "ours", "from_guess", "`mpc-cover plan` from the given guess alone", {"backend": "native"}),
+    Entry("ours-piqp", "ours", "from_guess", "the same by SQP, PIQP", {"backend": "piqp"}),
     Entry("ours-clarabel", "ours", "from_guess", "the same, Clarabel", {"backend": "clarabel"}),
     Entry("ours-osqp", "ours", "from_guess", "the same, OSQP", {"backend": "osqp"}),
-    Entry("ours-starts", "ours", "from_own_starts", "`mpc-cover plan`: several starts of its own, PIQP"),
+    Entry("ours-starts", "ours", "from_own_starts", "`mpc-cover plan`: several starts of its own"),
     Entry("ipopt-smooth", "ipopt", "smoothed", "CasADi, IPOPT, soft minimum, L-BFGS", {"exact_hessian": False}),
     Entry("ipopt-hessian", "ipopt", "smoothed", "CasADi, IPOPT, soft minimum, exact Hessian", {"exact_hessian": True}),
     Entry("ipopt-min", "ipopt", "hard", "CasADi, IPOPT, the minimum as it is, L-BFGS"),

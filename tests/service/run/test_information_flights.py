@@ -88,11 +88,12 @@ def test_where_no_way_on_is_found_in_flight_it_is_planned_at_rest(monkeypatch):
 
 
 def one_lap(task):
-    """Return a tour of what is owed, as one of the two flies it: so nobody meets."""
+    """Return a tour of all that is owed, as one of the two flies it: so nobody meets."""
     tour = tour_guess(task.fleet, task.cell, task.weight, task.position)
     found = []
+    whole = np.concatenate(tour.paths)
     for pilot in (0, 1):
-        paths = [path if i == pilot else task.position[i][None] for i, path in enumerate(tour.paths)]
+        paths = [whole if i == pilot else task.position[i][None] for i in (0, 1)]
         guess = replace(tour, paths=paths)
         found.append(evaluate_guess(task, guess))
     return min(found, key=lambda candidate: (not candidate.feasible, candidate.cost))

@@ -61,7 +61,7 @@ def test_a_fleet_goes_on_with_another_version_and_so_does_a_controller_that_is_s
     write(tmp_path, "new.yaml", 6.0)
     write(tmp_path, "other.yaml", 6.0, separation_min_m=0.4)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    speed = ("--speed", "4")
+    speed = ("--speed", "2")
     serve = processes.start("serve", "serve", "old.yaml", "-l", endpoint, *speed, "--stay", "--state-dir", "state")
     for name in ("a1", "a2"):
         processes.start(name, "agent", "old.yaml", "--id", name, "-e", endpoint, *speed)

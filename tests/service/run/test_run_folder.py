@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mpc_cover.errors import UnreadableFileError
-from mpc_cover.service.run.run_folder import RunFolder, default_folder, read_step_times
+from mpc_cover.service.run.run_folder import RunFolder, read_step_times, run_path
 
 
 def test_runs_of_the_same_second_do_not_collide(tmp_path, monkeypatch, mission):
@@ -12,7 +12,7 @@ def test_runs_of_the_same_second_do_not_collide(tmp_path, monkeypatch, mission):
     monkeypatch.setattr("time.strftime", lambda _: "20250101-000000")
     names = []
     for _ in range(3):
-        folder = default_folder(mission)
+        folder = run_path(None, mission)
         RunFolder(folder, "demo", mission)
         names.append(folder.name)
     assert names == ["small-20250101-000000", "small-20250101-000000-2", "small-20250101-000000-3"]

@@ -15,8 +15,8 @@ from solvers.backends.registry import BACKENDS, UnknownBackendError, backends_wi
 
 
 def test_names() -> None:
-    assert list(BACKENDS) == ["osqp", "clarabel", "piqp"]
-    assert len(BACKENDS) == 3
+    assert list(BACKENDS) == ["native", "osqp", "clarabel", "piqp"]
+    assert len(BACKENDS) == 4
     assert all(BACKENDS[name].name == name for name in BACKENDS)
 
 
@@ -40,7 +40,7 @@ def test_capabilities_that_mean_nothing(change: dict, said: str) -> None:
 
 
 def test_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(UnknownBackendError, match="no back-end 'gurobi'; there are osqp, clarabel, piqp"):
+    with pytest.raises(UnknownBackendError, match="no back-end 'gurobi'; there are native, osqp, clarabel, piqp"):
         make_backend("gurobi")
     assert "gurobi" not in BACKENDS
     with pytest.raises(KeyError):

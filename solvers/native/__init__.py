@@ -1,0 +1,1 @@
+"""Compiled kernels: the interior point that knows the structure of the coverage problem."""

@@ -1,0 +1,140 @@
+"""The compiled library: its structures, and how it is found; its sources are in `src/`."""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import POINTER, c_double, c_int32, c_uint8, c_void_p
+from enum import IntEnum
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import cython_lapack
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+LIBRARY = Path(__file__).with_name("_kernels.so")
+"""Where the build puts the library."""
+
+
+class Outcome(IntEnum):
+    """Why a descent ended."""
+
+    COMPLETE = 0
+    CONVERGED = 1
+    MAX_ITERATIONS = 2
+    DEADLINE = 3
+    NUMERICAL = 4
+    OUT_OF_MEMORY = 5
+
+
+class Structure(ctypes.Structure):
+    """A C structure whose pointers keep the arrays that they point into alive."""
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__()
+        self._arrays: list[NDArray[Any]] = []
+        kinds: dict[str, Any] = {field[0]: field[1] for field in self._fields_}
+        for name, value in values.items():
+            kind = kinds[name]
+            if kind in _DTYPES:
+                array = np.ascontiguousarray(value, dtype=_DTYPES[kind])
+                self._arrays.append(array)
+                setattr(self, name, ctypes.cast(array.ctypes.data, kind))
+            else:
+                setattr(self, name, value)
+
+
+_DOUBLES, _INTEGERS, _FLAGS = POINTER(c_double), POINTER(c_int32), POINTER(c_uint8)
+_DTYPES: dict[Any, Any] = {_DOUBLES: np.float64, _INTEGERS: np.int32, _FLAGS: np.uint8}
+
+
+def _fields(kind: Any, names: str) -> list[tuple[str, Any]]:
+    return [(name, kind) for name in names.split()]
+
+
+class Problem(Structure):
+    """The coverage problem; see `src/problem.h`."""
+
+    _fields_ = [
+        *_fields(c_int32, "steps agents dimension pairs first closed end_fixed long_steps linked instants"),
+        *_fields(c_int32, "dense_max cells demands parts continuous"),
+        *_fields(c_double, "range"),
+        *_fields(_DOUBLES, "speed_max input_max speed_limit input_limit braking_input"),
+        *_fields(_FLAGS, "active"),
+        *_fields(_DOUBLES, "box_low box_high box_aside separation braking_separation pair_aside"),
+        *_fields(_FLAGS, "link"),
+        *_fields(_DOUBLES, "cell radius"),
+        *_fields(_INTEGERS, "demand_cell demand_magnitude demand_looks"),
+        *_fields(_DOUBLES, "demand_weight"),
+        *_fields(_INTEGERS, "lag"),
+        *_fields(_DOUBLES, "lag_part"),
+        *_fields(_FLAGS, "fixed"),
+    ]
+
+
+class Options(Structure):
+    """Parameters of the descent; see `src/problem.h`."""
+
+    _fields_ = [
+        *_fields(c_int32, "stages iterations stage_iterations samples"),
+        *_fields(_DOUBLES, "sharpness floor overshoot"),
+        *_fields(c_double, "margin penalty proximal barrier step_max small_step least_room"),
+        *_fields(c_double, "feasibility limit_feasibility input_feasibility braking_tolerance braking_cost"),
+        *_fields(c_double, "tie deadline_s"),
+        *_fields(c_void_p, "potrf potrs"),
+    ]
+
+
+class Found(Structure):
+    """What a descent found; see `src/problem.h`."""
+
+    _fields_ = [
+        *_fields(c_double, "cost violation braking"),
+        *_fields(c_int32, "iterations stage outcome"),
+    ]
+
+
+@lru_cache(maxsize=1)
+def library() -> ctypes.CDLL | None:
+    """Return the compiled library, or None where it was not built."""
+    if not LIBRARY.exists():
+        return None
+    try:
+        found = ctypes.CDLL(str(LIBRARY))
+    except OSError:
+        return None
+    found.coverage_descent.argtypes = [POINTER(Problem), POINTER(Options), _DOUBLES, POINTER(Found)]
+    found.coverage_evaluate.argtypes = [POINTER(Problem), POINTER(Options), _DOUBLES, POINTER(Found)]
+    return found
+
+
+@lru_cache(maxsize=4)
+def lapack(name: str) -> int:
+    """Return the address of a LAPACK routine that SciPy exports."""
+    capsule: Any = vars(cython_lapack)["__pyx_capi__"][name]
+    api = ctypes.pythonapi
+    api.PyCapsule_GetName.restype, api.PyCapsule_GetName.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    api.PyCapsule_GetPointer.restype = c_void_p
+    api.PyCapsule_GetPointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
+    return int(api.PyCapsule_GetPointer(capsule, api.PyCapsule_GetName(capsule)))
+
+
+def descend(problem: Problem, options: Options, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], Found]:
+    """Return the variables of the best motion found from `x`, which is not changed, and what is known of it."""
+    native = library()
+    assert native is not None
+    found, start = Found(), np.array(x, dtype=np.float64)
+    native.coverage_descent(problem, options, ctypes.cast(start.ctypes.data, _DOUBLES), found)
+    return start, found
+
+
+def evaluate(problem: Problem, options: Options, x: NDArray[np.float64]) -> Found:
+    """Return cost and violations of a motion, as the descent sees them."""
+    native = library()
+    assert native is not None
+    found, start = Found(), np.array(x, dtype=np.float64)
+    native.coverage_evaluate(problem, options, ctypes.cast(start.ctypes.data, _DOUBLES), found)
+    return found
