@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 ALL_GUESSES = "all"
 """Stands for all guesses."""
-_PACKAGES = ("casadi", "clarabel", "cvxpy", "numpy", "osqp", "piqp", "scipy")
+_PACKAGES = ("casadi", "clarabel", "cvxpy", "jax", "numpy", "osqp", "piqp", "scipy")
 
 
 @dataclass(frozen=True, eq=False)

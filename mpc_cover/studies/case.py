@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
-from mpc_cover.constraints.pairs import all_pairs
+from mpc_cover.constraints.graph import minimum_spanning_trees
+from mpc_cover.constraints.pairs import all_pairs, linked_pairs
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.guess import rest_guess
 from mpc_cover.planning.ocp import Margins, Requirements, requirements
 from mpc_cover.planning.offline import offline_task
 
 if TYPE_CHECKING:
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.mission.load import Mission
     from mpc_cover.planning.ocp import OCP
     from mpc_cover.planning.task import Task
@@ -72,6 +73,22 @@ def start_from(case: Case, guess: Guess) -> FloatArray:
         case _:
             assert_never(guess)
     return case.ocp.decision_of(task.flown(chosen, case.ocp.steps))
+
+
+def held_edges(case: Case, position: FloatArray) -> BoolArray:
+    """Return (samples, pairs) that peers hold within range at the samples that are not given.
+
+    They are the links, and the minimum spanning trees of the motion (N+1, m, d) [m]; none where no range is asked for.
+    """
+    fleet = case.ocp.fleet
+    one, two = all_pairs(fleet.size)
+    sampled = position[case.ocp.first :]
+    length = np.linalg.norm(sampled[:, one] - sampled[:, two], axis=2)
+    if fleet.size == 1 or not np.isfinite(fleet.communication_range):
+        return np.zeros(length.shape, dtype=bool)
+    held = minimum_spanning_trees(length, fleet.size)
+    held[:, linked_pairs(fleet.size, fleet.links)] = True
+    return held
 
 
 def asked_of_peers(case: Case) -> Requirements:

@@ -38,8 +38,11 @@ PATIENCE = 10.0
 END_S = 0.5
 """Time for a process to end by itself, so that its exit status is its own [s]."""
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Libraries of dense algebra read these once, when they are loaded."""
+_ONE_THREAD = {
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"),
+    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
+}
+"""Libraries of dense algebra, and JAX, read these once, when they are loaded."""
 
 
 @dataclass(frozen=True)
@@ -193,8 +196,8 @@ def _one_thread() -> Iterator[None]:
     The matrices here are small. With a thread per core, SLSQP and IPOPT with its exact Hessian took two to ten times
     as long as soon as anything else ran on the machine, and ours one and a half times as long.
     """
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(_ONE_THREAD)
     try:
         yield
     finally:

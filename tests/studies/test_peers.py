@@ -35,6 +35,8 @@ def solved(name, mission, guess="boustrophedon", limit=1000.0, clock=None):
     """Return the answer of a peer, what it showed, and the case."""
     if name in CASADI:
         pytest.importorskip("casadi")
+    if name == "jax-lbfgs":
+        pytest.importorskip("jax")
     case, told = make_case(mission), []
     watch = Watch(case, limit, told.append, *([clock] if clock else []))
     answer = PEERS[name].load()(case, start_from(case, guess), watch)
@@ -62,7 +64,7 @@ def test_everyone_stops_when_the_time_is_up(name):
     assert answer.status
 
 
-@pytest.mark.parametrize("name", ["ours-piqp", "ipopt-smooth", "slsqp", "sqpmethod", "cvxpy"])
+@pytest.mark.parametrize("name", ["ours-piqp", "ipopt-smooth", "slsqp", "sqpmethod", "jax-lbfgs", "cvxpy"])
 def test_nobody_works_on_when_nothing_is_left(name):
     answer, seen, _ = solved(name, far_sighted_mission(), guess="rest")
     assert seen[0].verdict.complete

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpc_cover.constraints.graph import minimum_spanning_trees
-from mpc_cover.constraints.pairs import all_pairs, linked_pairs
+from mpc_cover.constraints.pairs import all_pairs
 from mpc_cover.coverage.majoriser import build_majoriser
-from mpc_cover.studies.case import asked_of_peers
+from mpc_cover.studies.case import asked_of_peers, held_edges
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
@@ -28,7 +27,7 @@ class Condensed:
     """
 
     def __init__(self, case: Case) -> None:
-        self._ocp, self._required = case.ocp, asked_of_peers(case)
+        self._case, self._ocp, self._required = case, case.ocp, asked_of_peers(case)
         ends, fleet = case.ocp.ends, case.ocp.fleet
         self._shape = (case.ocp.steps + 1, *fleet.start.shape)
         self._centre = 0.5 * (fleet.motion_min + fleet.motion_max)
@@ -83,12 +82,7 @@ class Condensed:
 
     def edges(self, v: FloatArray) -> BoolArray:
         """Return (samples, pairs): the links and the minimum spanning trees of a motion; none where not asked for."""
-        fleet, length = self._ocp.fleet, np.sqrt(self._squares(v)[0])
-        if fleet.size == 1 or not np.isfinite(fleet.communication_range):
-            return np.zeros(length.shape, dtype=bool)
-        held = minimum_spanning_trees(length, fleet.size)
-        held[:, linked_pairs(fleet.size, fleet.links)] = True
-        return held
+        return held_edges(self._case, self._position(v))
 
     def slack(self, v: FloatArray, edges: BoolArray) -> FloatArray:
         """Return the (rows,) slacks, >= 0 where a constraint holds: discs, box, separation, edges."""

@@ -49,12 +49,13 @@ _ENTRIES = (
     Entry("sqpmethod", "sqpmethod", "smoothed", "CasADi's sqpmethod, soft minimum, BFGS"),
     Entry("slsqp", "slsqp", "smoothed", "SciPy's SLSQP, condensed (3.19 to 3.22), soft minimum"),
     Entry("slsqp-min", "slsqp", "hard", "the same, the minimum as it is: the thesis's own way"),
+    Entry("jax-lbfgs", "jax_", "penalised", "JAX, SciPy's L-BFGS-B, soft minimum, quadratic penalties"),
     Entry("cvxpy", "cvxpy_", "canonicalised", "our subproblem written in CVXPY, canonicalised each time"),
 )
 
 PEERS = {entry.name: entry for entry in _ENTRIES}
 
-OPTIONAL = {"casadi": "pip install 'mpc-cover[peers]'"}
+OPTIONAL = dict.fromkeys(("casadi", "jax"), "pip install 'mpc-cover[peers]'")
 """Packages that only peers need, and how they are had."""
 
 

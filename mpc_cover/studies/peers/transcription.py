@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as cs
 import numpy as np
 
-from mpc_cover.constraints.graph import minimum_spanning_trees
-from mpc_cover.constraints.pairs import all_pairs, linked_pairs
-from mpc_cover.studies.case import asked_of_peers
+from mpc_cover.constraints.pairs import all_pairs
+from mpc_cover.studies.case import asked_of_peers, held_edges
 from mpc_cover.studies.peers.symbolic_cost import excesses, hard_cost, soft_cost, soft_hessian
 
 if TYPE_CHECKING:
@@ -66,12 +65,9 @@ class Transcription:
         """Return the bounds on g, with the spanning trees of the motion `x`."""
         lower = np.concatenate([low for low, _ in self._bounds])
         upper = np.concatenate([high for _, high in self._bounds])
-        fleet, first = self._case.ocp.fleet, self._case.ocp.first
+        fleet = self._case.ocp.fleet
         if fleet.size > 1 and np.isfinite(fleet.communication_range):
-            position = self._case.ocp.motion(x)[0][first:]
-            one, two = all_pairs(fleet.size)
-            held = minimum_spanning_trees(np.linalg.norm(position[:, one] - position[:, two], axis=2), fleet.size)
-            held[:, linked_pairs(fleet.size, fleet.links)] = True
+            held = held_edges(self._case, self._case.ocp.motion(x)[0])
             upper[self._first_edge :] = np.where(held.T.ravel(), self._required.range**2, np.inf)
         return lower, upper
 
