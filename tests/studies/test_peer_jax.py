@@ -7,6 +7,7 @@ import pytest
 from bench_missions import closed_mission, ended_mission, small_mission, two_magnitudes, wiggled
 
 from mpc_cover.coverage.majoriser import Softness, soft_cost
+from mpc_cover.mission.load import build_mission
 from mpc_cover.studies.case import make_case, start_from
 from mpc_cover.studies.verdict import judge
 
@@ -71,7 +72,5 @@ def test_ends_are_exact_whatever_the_variables_say():
 def test_several_looks_are_refused():
     spec = small_mission().spec.model_dump(by_alias=True, exclude_none=True)
     spec["area"]["looks"] = 3
-    from mpc_cover.mission.load import build_mission
-
     with pytest.raises(NotImplementedError, match="several looks"):
         Penalised(make_case(build_mission(spec, "looks")))

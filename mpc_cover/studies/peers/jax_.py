@@ -1,7 +1,7 @@
 """JAX and SciPy's L-BFGS-B: all constraints as quadratic penalties, the formulation of differentiable programming.
 
-Variables are the velocities, and the start where that is free: dynamics and ends hold exactly, as `OCP.exact_ends` is an
-affine map. What is left, the discs of speed and input, the box, separation and edges, costs the square of its relative
+Variables are the velocities, and the start where that is free: dynamics and ends hold exactly, as `OCP.exact_ends` is
+an affine map. The rest, discs of speed and input, the box, separation and edges, costs the square of its relative
 violation. Sharpness of the soft minimum and weight of the penalties rise together, stage by stage; spanning trees are
 chosen anew before each stage. Compiling counts as setting up.
 """
