@@ -15,6 +15,7 @@ from mpc_cover.planning.candidate import Candidate, candidate_of, evaluate_guess
 from mpc_cover.planning.extension import completions
 from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin, rest_guess
+from mpc_cover.planning.length_bracket import LengthBracket
 from mpc_cover.planning.multistart import Search, multistart, systematic_guesses
 from mpc_cover.planning.scp import SOFT_SHARPNESS, descends_natively, optimise
 from mpc_cover.planning.segment_refinement import SEGMENT_STEPS, refine_segments, resampled
@@ -52,11 +53,8 @@ _SUFFICIENT_REST = 0.1
 the plane leave less. Plain choice."""
 _KEPT_NAMES = 3
 """Initial guesses that are kept for other lengths; a plain choice."""
-_ATTEMPTS = 5
+_ATTEMPTS = 10
 """Lengths that a free-horizon search tries; a plain choice."""
-_INCREASE_MIN, _INCREASE_MAX, _INCREASE_STEPS = 0.06, 0.3, 2
-"""Bounds on the relative increase of the length after a failure, whose size is the uncovered part of the cells, and
-the least increase in steps. Plain choices."""
 FAILURES = 3
 """Failed lengths in a row after which the minimum-time search ends; a plain choice."""
 _MORE_STARTS, _FINALISTS, _MORE_FINALISTS = 8, 6, 4
@@ -191,12 +189,13 @@ def _plan_apart(
     if work * task.fleet.size > _LARGE and not descends_natively(task.ocp(work), backend):
         in_order = sorted(found, key=partial(guess_priority, violation_cost=_VIOLATION_COST))
         return _plan_large(task, backend, in_order, budget, watcher)
-    steps, too_short = max(task.least_steps, round(_UPPER_SHARE * work)), round(_LOWER_SHARE * least)
-    shortest = 0
+    bracket = LengthBracket(round(_LOWER_SHARE * least), task.least_steps)
+    steps = max(task.least_steps, round(_UPPER_SHARE * work))
     if apart and (together := _brought_together(task, backend, apart, search, budget)).complete:
         found.append(together)
-        shortest, search = together.plan.steps, replace(search, names=_names([together]))
-        steps = too_short = round(_LOWER_SHARE * shortest)
+        search = replace(search, names=_names([together]))
+        bracket = LengthBracket(round(_LOWER_SHARE * together.plan.steps), task.least_steps, together.plan.steps)
+        steps = bracket.assumed
     for _ in range(attempts):
         if budget.exhausted:
             break
@@ -205,20 +204,14 @@ def _plan_apart(
         best = candidates[0]
         watcher.found(steps, best)
         found.append(best)
-        if best.complete:
-            shortest = steps
-        else:
-            too_short = max(too_short, steps)
         if len(candidates) > _SCREENED:
             search = replace(search, names=_names(candidates))
-        if shortest:
-            steps = max(task.least_steps, (too_short + shortest) // 2)
-        else:
-            left = float(task.remaining_after(best.plan).astype(bool).mean())
-            increase = min(max(left, _INCREASE_MIN), _INCREASE_MAX)
-            steps += max(_INCREASE_STEPS, round(increase * steps))
-        if steps in {too_short, shortest}:
+        left = float(task.remaining_after(best.plan).astype(bool).mean())
+        bracket = bracket.after(steps, complete=best.complete)
+        following = bracket.following(steps, left)
+        if following is None:
             break
+        steps = following
     return _finished(task, found, backend, budget)
 
 

@@ -47,7 +47,7 @@ _SUFFICIENT_REST = 0.3
 """Part of the demand that a passively safe plan may leave to the next one; a plain choice."""
 _QUICK_SEARCH = Search(starts=3, finalists=1)
 """The search for one length within a control step; a plain choice of what fits into it."""
-_SHORTENING, _LENGTHS = Search(rounds=20), 2
+_SHORTENING, _LENGTHS = Search(rounds=3), 1
 """The search for shorter plans while at rest, and the lengths in a row at which it may fail; plain choices."""
 _FEW_SWEEPS = 3
 """Timed sweeps that are tried within a step; at rest all of them are. Plain choice."""

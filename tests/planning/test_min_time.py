@@ -13,7 +13,7 @@ from mpc_cover.mission.load import load_mission
 from mpc_cover.planning.candidate import evaluate_guess
 from mpc_cover.planning.initial_guess.guess import GuessKind
 from mpc_cover.planning.min_time import Watcher, plan_free_horizon, plan_min_time
-from mpc_cover.planning.multistart import Search
+from mpc_cover.planning.multistart import Search, systematic_guesses
 from mpc_cover.planning.offline import offline_task
 from mpc_cover.planning.task import Task
 from mpc_cover.verification.motion import verify_motion
@@ -125,3 +125,14 @@ def test_a_large_task_that_nothing_keeps_gets_an_answer_that_says_so():
     slow = replace(small_task().fleet, speed_max=np.full(2, 0.02), separation_min=1.5)
     best = plan_free_horizon(replace(small_task(), fleet=slow), make_backend("piqp"), budget=EXHAUSTED)
     assert not best.feasible
+
+
+def test_a_plan_is_far_shorter_than_guesses_that_suit_the_period_badly():
+    """At T_s 1 s guesses turn late: the search used to end at three quarters of the shortest of them, untried."""
+    task = replace(small_task(), period=4.0 * PERIOD)
+    assert task.period * task.fleet.speed_max.max() > 2.0 * task.fleet.sensing_radius_min
+    lengths = [evaluate_guess(task, guess).plan.steps for guess in systematic_guesses(task)]
+    found = plan_free_horizon(task, make_backend("piqp"), budget=UNLIMITED)
+    assert found.complete
+    assert holds(task, found.plan)
+    assert found.plan.steps < 0.7 * min(lengths)
