@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from mpc_cover.planning.block_refinement import plan_by_blocks
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, evaluate_guess, evaluate_motion, guess_priority
 from mpc_cover.planning.extension import completions
@@ -72,9 +73,12 @@ def plan_free_horizon(
     Starts from a length that is mostly sufficient and bisects between sufficient and insufficient lengths. Plans that
     leave cells are extended to them at the end. `attempts` bounds the lengths tried.
 
+    Large fleets sweep parts, refined block by block, wherever that gives a complete plan.
     A fleet whose links are shorter than a lane flies in formation; one whose links are hardly longer may.
     """
     search = search or Search()
+    if (by_blocks := plan_by_blocks(task, backend, budget)) is not None:
+        return by_blocks
     evaluated = _evaluated_guesses(task, search, budget)
     rest = evaluate_guess(task, rest_guess(task.position), task.least_steps)
     together = [candidate for candidate in evaluated if candidate.kind is GuessKind.FORMATION]
@@ -208,7 +212,7 @@ def shortened(
 
     Each length starts from the shortest plan so far, flown faster, before it tries other guesses.
     """
-    if not best.complete:
+    if not best.complete or best.kind is GuessKind.PARTS:  # which blocks have made as short as they can
         return best
     failed, systematic = 0, len(systematic_guesses(task))
     while (failures is None or failed < failures) and best.plan.steps > task.least_steps and not budget.exhausted:
