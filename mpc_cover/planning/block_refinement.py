@@ -13,7 +13,6 @@ import numpy as np
 
 from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.coverage.nearest import remaining_weight
-from mpc_cover.coverage.nearest_points import pairwise_distance
 from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.model.look_instants import InterSample
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
@@ -126,13 +125,16 @@ def _repaired(task: Task, plan: Candidate, steps: int, backend: Backend, budget:
 
 def _block_ocp(task: Task, position: FloatArray, velocity: FloatArray, block: IntArray) -> OCP:
     """Return the OCP of a block: its own distances, and the cells near its paths that no other agent covers."""
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - agents start faster without it
+
     fleet, steps = task.fleet, len(position) - 1
     others = np.setdiff1d(np.arange(fleet.size), block)
     between = InterSample(velocity[:, others], task.period, fleet.look_instants)
     left = remaining_weight(position[:, others], task.cell, fleet.radius[others], task.weight, between)
     paths = position[:, block].reshape(-1, fleet.dimension)
-    near = pairwise_distance(paths, task.cell).min(axis=0) <= _REACH * fleet.sensing_radius_min
-    near &= (left > 0.0).any(axis=0)
+    demanded = np.flatnonzero((left > 0.0).any(axis=0))
+    distance, _ = cKDTree(paths).query(task.cell[demanded])
+    near = demanded[distance <= _REACH * fleet.sensing_radius_min]
     own = FleetConstraints.of(
         fleet,
         ids=tuple(fleet.ids[i] for i in block),
