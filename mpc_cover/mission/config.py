@@ -162,7 +162,7 @@ class FleetSpec(Model):
     """The agents and the constraints between them (4.18, 4.20)."""
 
     defaults: AgentDefaults = AgentDefaults()
-    agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1, max_length=128)]
+    agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1, max_length=256)]
     separation_min_m: NonNegative = 0.0
     """rho_B of (4.18); 0 switches collision avoidance off."""
     communication_range_m: Positive | None = None

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from mpc_cover.planning.scp import SCPResult
     from solvers.backends.base import Backend
 
+_FEW_AMPLITUDES = (0.15, 0.3, 0.6, 1.0, 2.0)
+"""Amplitudes of perturbations, in sensing radii, where there is time for a few hops only; plain choices."""
 _AMPLITUDES = (0.02, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
 """Amplitudes of perturbations, in sensing radii: small ones repair, large ones rearrange. Plain choices."""
 _MODES = (2, 9)
@@ -154,12 +156,13 @@ def hop(
 ) -> SCPResult:
     """Return the minimum found from a perturbation of a motion, with greater weights of some of what it leaves."""
     scale, weight = length_scale(ocp), ocp.weight
-    x = perturbed(ocp, base.x, float(rng.choice(_AMPLITUDES)) * scale, rng)
+    natively = descends_natively(ocp, backend, exact_cones=exact_cones)
+    x = perturbed(ocp, base.x, float(rng.choice(_AMPLITUDES if natively else _FEW_AMPLITUDES)) * scale, rng)
     if rng.random() < _KICKED_SHARE:
         position, velocity = ocp.motion(base.x)
         left = remaining_weight(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.between(velocity)) > 0.0
         weight = np.where(left, float(rng.choice(_KICKS)) * weight, weight)
-    sharpness = SHARPNESS[int(rng.choice(len(_FIRST_STAGES), p=_FIRST_STAGES)) :]
+    sharpness = SHARPNESS[int(rng.choice(len(_FIRST_STAGES), p=_FIRST_STAGES)) if natively else 0 :]
     margin = float(rng.choice(_MARGINS))
     heavier = replace(ocp, weight=weight)
     found = optimise(

@@ -58,6 +58,8 @@ _LEAST_ROOM = 0.01
 _NEAREST_S, _TERM_S, _CONDENSE_S, _FACTOR_S = 2.2e-9, 3.5e-7, 1.6e-9, 2.6e-11
 """Seconds of a Newton step: per pair of cell and sample, per term, per entry of the Hessian, and per cubed variable.
 From instructions counted on box-3, at 2.5 of them a cycle of 0.4 ns."""
+_BETWEEN = 4.0
+"""Factor of the first where looks count between samples: most intervals are too far away to matter. Measured."""
 _COUPLED = (1.0, 3.0)
 """Factors of the last two where the fleet is one block, and where agents are blocks that conjugate gradients couple; as
 measured with 24 agents."""
@@ -289,7 +291,8 @@ def _step_s(ocp: OCP, count: int) -> float:
     variables, blocks = (ocp.steps + 2) * ocp.fleet.start.size, 1
     if variables > _DENSE_MAX:
         variables, blocks = variables // ocp.fleet.size, ocp.fleet.size
-    nearest = terms / looks * (ocp.steps + 1) * ocp.fleet.size
+    parts, continuous = _looks_between(ocp)
+    nearest = terms / looks * (ocp.steps + 1) * ocp.fleet.size * (_BETWEEN if parts > 1 or continuous else 1.0)
     per_term = _TERM_S * (count * ocp.fleet.dimension / 12.0) ** 2
     dense = _CONDENSE_S * variables**2 + _FACTOR_S * variables**3
     return float(_NEAREST_S * nearest + per_term * terms + _COUPLED[blocks > 1] * blocks * dense)

@@ -10,6 +10,7 @@ import numpy as np
 
 from mpc_cover.coverage.nearest import remaining_weight
 from mpc_cover.planning.basin_hopping import Pool, hop
+from mpc_cover.planning.block_refinement import plan_by_blocks
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.candidate import Candidate, candidate_of, evaluate_guess, evaluate_motion, guess_priority
 from mpc_cover.planning.extension import completions
@@ -28,9 +29,8 @@ if TYPE_CHECKING:
     from mpc_cover.planning.task import Task
     from solvers.backends.base import Backend
 
-_REST_STEPS, _REST_SHARE = 16, (0.3, 0.7)
-"""First length tried from rest, and the parts of the budget for plans from rest of few and of many agents; plain
-choices."""
+_REST_STEPS, _REST_SHARE = 16, 0.3
+"""First length tried from rest, and the part of the budget for plans from rest; plain choices."""
 _REST_HOPS, _REST_LEFT, _REST_GAP = 4, 0.03, 0.06
 """Hops for each length; the part of the demand up to which the best motion may leave some for them; and the relative
 gap between the shortest sufficient length and the longest insufficient one that is not bisected. Plain choices."""
@@ -96,10 +96,13 @@ def plan_free_horizon(
     Starts from a length that is mostly sufficient and bisects between sufficient and insufficient lengths. Plans that
     leave cells are extended to them at the end. `attempts` bounds the lengths tried; `watcher` is told of each.
 
+    Large fleets sweep parts, refined block by block, wherever that gives a complete plan.
     A fleet whose links are shorter than a lane flies in formation; one whose links are hardly longer may.
     """
     search, watcher = search or Search(), watcher or Watcher()
-    spread = plan_from_rest(task, backend, budget.part(_REST_SHARE[task.fleet.size >= _MANY]))
+    spread = plan_from_rest(task, backend, budget.part(_REST_SHARE))
+    if (by_blocks := plan_by_blocks(task, backend, budget)) is not None:
+        return by_blocks if spread is None else min(spread, by_blocks, key=lambda candidate: candidate.rank)
     if spread is None or task.fleet.size < _MANY:
         guessed = _plan_from_guesses(task, backend, attempts, search, budget, watcher)
         return guessed if spread is None else min(spread, guessed, key=lambda candidate: candidate.rank)
@@ -301,7 +304,7 @@ def shortened(
     Each length starts from the shortest plan so far, flown faster, before it tries other guesses.
     """
     watcher = watcher or Watcher()
-    if not best.complete:
+    if not best.complete or best.kind is GuessKind.PARTS:  # which blocks have made as short as they can
         return best
     failed, systematic = 0, 0 if task.fleet.size >= _MANY else len(systematic_guesses(task))
     while (failures is None or failed < failures) and best.plan.steps > task.least_steps and not budget.exhausted:

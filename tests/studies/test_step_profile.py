@@ -56,7 +56,7 @@ def test_an_exception_is_timed_and_passed_on():
 def test_a_flight_accounts_for_all_its_time():
     before, told = problem.build_subproblem, []
     parts = profile_steps(small_mission(), "piqp", told.append)
-    assert set(parts) == {*PLACES, "the rest", "step"}
+    assert set(parts) == {*PLACES, "the rest", "step"} - {"descents"}  # which only native has
     shares = {name: share for name, (_, _, share) in parts.items()}
     assert shares.pop("step") == pytest.approx(1.0)
     assert sum(shares.values()) == pytest.approx(1.0)

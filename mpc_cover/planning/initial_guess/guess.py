@@ -17,6 +17,7 @@ class GuessKind(Enum):
     COMB = "agents abreast, lane by lane"
     SNAKE = "one path through all lanes, cut into pieces"
     STRIPS = "a strip of equal work for each agent"
+    PARTS = "a part of its own for each agent of a large fleet, all in the same pattern"
     SHAPE = "one path along the shape, divided"
     SHAPE_APART = "the same, farther apart than the communication range"
     TOUR = "a greedy tour from cell to cell"

@@ -49,8 +49,9 @@ static double distance_at(int d, const double *off, const double *v0, const doub
     return sqrt(square);
 }
 
-/* Squared distances of a cell to the nearest point of each interval (the sample itself at the last), and the parts. */
-static void between_samples(const Problem *p, const double *c, const Motion *o, double *square, double *part) {
+/* Intervals that cannot be among the nearest, whose excess is at most `worst`, keep the distance of their sample.
+ * Squared distances of a cell to the nearest point of each interval (the sample itself at the last), and the parts. */
+static void between_samples(const Problem *p, const double *c, const Motion *o, const double *radius, double worst, double *square, double *part) {
     const int m = p->agents, d = p->dimension, total = (p->steps + 1) * m;
     for (int k = 0; k < total; k++) {
         double off[MAX_DIMENSION];
@@ -59,7 +60,9 @@ static void between_samples(const Problem *p, const double *c, const Motion *o, 
         double best = 0.0, least = 0.0;
         for (int a = 0; a < d; a++) least += off[a] * off[a];
         least = sqrt(least);
-        if (k < p->steps * m) {
+        double reach = 0.0; /* how far the interval leads from its sample, at most */
+        for (int a = 0; a < d; a++) reach += fabs(v0[a]) + (k < p->steps * m ? 0.5 * fabs(v1[a] - v0[a]) : 0.0);
+        if (k < p->steps * m && least - reach - radius[k % m] <= worst) {
             for (int j = 1; j < p->parts; j++) {
                 const double s = (double)j / p->parts, there = distance_at(d, off, v0, v1, s);
                 if (there < least) least = there, best = s;
@@ -122,14 +125,11 @@ void find_nearest(const Problem *p, const Workspace *w, int M, Motion *o) {
         const int looks = p->demand_looks[e], cell = p->demand_cell[e], most = looks * M;
         const double *radius = p->radius + (long)p->demand_magnitude[e] * m;
         int held = 0;
-        if (cell != last_cell) {
-            const double *c = p->cell + (long)cell * d;
-            if (between) between_samples(p, c, o, square, part_of);
-            else squared(total, d, by_axis, c, square);
-            last_cell = cell;
-        }
         double worst = INFINITY;
-        if (looks == 1 && !between) worst = known_worst(d, M, m, p->cell + (long)cell * d, radius, o->q, o->near + (long)w->term_first[e] * M);
+        if (looks == 1) worst = known_worst(d, M, m, p->cell + (long)cell * d, radius, o->q, o->near + (long)w->term_first[e] * M);
+        if (between) between_samples(p, p->cell + (long)cell * d, o, radius, worst, square, part_of);
+        else if (cell != last_cell) squared(total, d, by_axis, p->cell + (long)cell * d, square);
+        last_cell = cell;
         thresholds(m, radius, worst, limit);
         for (int n = 0, k = 0; n <= p->steps; n++)
             for (int i = 0; i < m; i++, k++)
