@@ -58,7 +58,7 @@ def write(folder, name, high, **fleet):
 
 def test_a_fleet_goes_on_with_another_version_and_so_does_a_controller_that_is_started_again(processes, tmp_path):
     write(tmp_path, "old.yaml", 4.0)
-    write(tmp_path, "new.yaml", 18.0)  # so much that it is not done before the controller is killed
+    write(tmp_path, "new.yaml", 9.0)  # so much that it is not done before the controller is killed
     write(tmp_path, "other.yaml", 6.0, separation_min_m=0.4)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     speed = ("--speed", "2")
@@ -73,7 +73,7 @@ def test_a_fleet_goes_on_with_another_version_and_so_does_a_controller_that_is_s
 
     accepted = processes.call("retask", "new.yaml", "-e", endpoint, "--json")
     assert accepted.returncode == 0, accepted.stderr
-    assert "of 216 cells are covered already" in json.loads(accepted.stdout)["text"]
+    assert "of 108 cells are covered already" in json.loads(accepted.stdout)["text"]
     processes.wait_for("serve", "for the same fleet: a1, a2")
 
     serve.kill()
