@@ -118,10 +118,8 @@ class MotionBounds:
 
 def _until_rest(path: Path) -> Path:
     """Return a motion until it comes to rest for good."""
-    still = ~path.velocity.any(axis=(1, 2))
-    moving = np.flatnonzero(~still)
-    last = min(int(moving[-1]) + 1 if moving.size else 0, path.velocity.shape[0] - 1)
-    last = max(last, min(1, path.velocity.shape[0] - 1))
+    moving = np.flatnonzero(path.velocity.any(axis=(1, 2)))
+    last = min(int(moving[-1]) + 1 if moving.size else 1, path.velocity.shape[0] - 1)
     return Path(path.time[: last + 1], path.position[: last + 1], path.velocity[: last + 1], path.force[:last])
 
 

@@ -14,7 +14,7 @@ from mpc_cover.control.horizon import horizon_ocp
 from mpc_cover.model.look_instants import inter_sample
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.scp import BRAKING_TOLERANCE
-from mpc_cover.planning.segment_refinement import resampled
+from mpc_cover.planning.segment_refinement import flown_in_steps
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray, IntArray
@@ -120,5 +120,4 @@ class IdleImprovement:
         if steps < _STEPS_MIN:
             return None
         ocp = horizon_ocp(rest.motion, rest.fleet, self._cell, rest.demand, rest.motion.steps, steps)
-        x = ocp.exact_ends(ocp.decision(motion.position[0], resampled(motion.velocity, steps)))
-        return self._planner.shortening(ocp, x)
+        return self._planner.shortening(ocp, flown_in_steps(ocp, motion.position, motion.velocity))

@@ -28,7 +28,7 @@ from mpc_cover.planning.scp import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from mpc_cover.arrays import FloatArray
+    from mpc_cover.arrays import BoolArray, FloatArray
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.ocp import OCP
     from mpc_cover.planning.scp import SCPResult
@@ -159,8 +159,7 @@ def hop(
     natively = descends_natively(ocp, backend, exact_cones=exact_cones)
     x = perturbed(ocp, base.x, float(rng.choice(_AMPLITUDES if natively else _FEW_AMPLITUDES)) * scale, rng)
     if rng.random() < _KICKED_SHARE:
-        position, velocity = ocp.motion(base.x)
-        left = remaining_weight(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.between(velocity)) > 0.0
+        left = left_over(ocp, base.x)
         weight = np.where(left, float(rng.choice(_KICKS)) * weight, weight)
     sharpness = SHARPNESS[int(rng.choice(len(_FIRST_STAGES), p=_FIRST_STAGES)) if natively else 0 :]
     margin = float(rng.choice(_MARGINS))
@@ -178,6 +177,12 @@ def hop(
     return found if weight is ocp.weight else replace(evaluate(ocp, found.x), stages=found.stages)
 
 
+def left_over(ocp: OCP, x: FloatArray) -> BoolArray:
+    """Return which demand (J, K) of an OCP a motion leaves."""
+    position, velocity = ocp.motion(x)
+    return remaining_weight(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.between(velocity)) > 0.0
+
+
 def reweighted(ocp: OCP, best: SCPResult, backend: Backend, *, budget: Budget, exact_cones: bool = False) -> SCPResult:
     """Return the best of a motion and its refinements with increasing weights of the few cells that it leaves."""
     stages, weight, scale = best.stages, ocp.weight, length_scale(ocp)
@@ -192,8 +197,7 @@ def reweighted(ocp: OCP, best: SCPResult, backend: Backend, *, budget: Budget, e
             best = final
             if best.complete:
                 break
-        position, velocity = ocp.motion(best.x)
-        left = remaining_weight(position, ocp.cell, ocp.fleet.radius, ocp.weight, ocp.between(velocity)) > 0.0
+        left = left_over(ocp, best.x)
         weight = np.where(left, WEIGHT_FACTOR * weight, weight)
         heavier = optimise(
             replace(ocp, weight=weight),

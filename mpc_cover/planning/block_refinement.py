@@ -20,7 +20,7 @@ from mpc_cover.planning.candidate import evaluate_guess, evaluate_motion, guess_
 from mpc_cover.planning.initial_guess.partition import PartSweeps
 from mpc_cover.planning.ocp import OCP
 from mpc_cover.planning.scp import REFINEMENT_REGION, optimise
-from mpc_cover.planning.segment_refinement import resampled
+from mpc_cover.planning.segment_refinement import flown_in_steps
 from mpc_cover.planning.task import End
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def _shortened(
 def _repaired(task: Task, plan: Candidate, steps: int, backend: Backend, budget: Budget) -> Candidate:
     """Return a plan's paths flown in so many steps, after descents of each block."""
     ocp = task.ocp(steps)
-    position, velocity = ocp.motion(ocp.exact_ends(ocp.decision(task.position, resampled(plan.plan.velocity, steps))))
+    position, velocity = ocp.motion(flown_in_steps(ocp, task.position[None], plan.plan.velocity))
     found = evaluate_motion(task, position[0], velocity, plan.origin)
     for _ in range(_PASSES):
         if found.complete or budget.exhausted:

@@ -208,7 +208,6 @@ def problem_of(ocp: OCP, margins: Margins) -> native.Problem:
         linked=agents > 1 and bool(np.isfinite(fleet.communication_range)),
         instants=len(stops),
         dense_max=_DENSE_MAX,
-        cells=ocp.cell.shape[0],
         demands=cell.size,
         parts=parts,
         continuous=continuous,

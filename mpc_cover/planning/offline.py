@@ -17,7 +17,8 @@ from mpc_cover.model.local_frame import LocalFrame
 from mpc_cover.model.look_instants import looks_of_plans
 from mpc_cover.planning.budget import Budget
 from mpc_cover.planning.cvxpy_extra.solver_names import check_solver
-from mpc_cover.planning.min_time import FAILURES, Watcher
+from mpc_cover.planning.free_horizon import Watcher
+from mpc_cover.planning.min_time import FAILURES
 from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.task import End, Task
@@ -126,23 +127,19 @@ def plan_mission(
     limit_s = options.time_limit_s
     budget = Budget.unlimited() if limit_s is None else Budget.wall_clock(limit_s)
     search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
-    best, interrupted = _Best(task.period, frame.length, on_progress), False
-    try:
+    best = _Best(task.period, frame.length, on_progress)
+
+    def searched() -> Candidate:
         if options.min_time:
-            found = planner.shortest(task, search, budget, best, failures=FAILURES if limit_s is None else None)
-        elif duration_s is None:  # as long as it takes
-            found = planner.shortest(task, search, budget, best, failures=0)
-        else:
-            steps = round(duration_s / task.period)
-            rounds = SEARCH.rounds if limit_s is None else None
-            best.tries(steps)
-            found = planner.fixed(task, steps, replace(search, rounds=rounds), budget, best.found)
-    except KeyboardInterrupt:
-        if not options.keep_on_interrupt or best.best is None:
-            raise
-        found, interrupted = best.best, True
-    if not found.feasible:
-        raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
+            return planner.shortest(task, search, budget, best, failures=FAILURES if limit_s is None else None)
+        if duration_s is None:  # as long as it takes
+            return planner.shortest(task, search, budget, best, failures=0)
+        steps = round(duration_s / task.period)
+        rounds = SEARCH.rounds if limit_s is None else None
+        best.tries(steps)
+        return planner.fixed(task, steps, replace(search, rounds=rounds), budget, best.found)
+
+    found, interrupted = best.of(searched, mission, keep=options.keep_on_interrupt)
     return _recording(mission, options, frame, found, planner.qps_answered, interrupted=interrupted)
 
 
@@ -159,18 +156,12 @@ def _plan_with_cvxpy(
     budget = Budget.unlimited() if limit_s is None else Budget.wall_clock(limit_s)
     search = replace(SEARCH, starts=options.starts, seed=options.seed, exact_cones=options.exact_cones)
     best, log = _Best(task.period, frame.length, on_progress), StatusLog(options.backend.upper())
-    run, interrupted = (
-        CvxpySearch(task, mission, frame, search, options.extra, log, budget, best.keep, best.found),
-        False,
-    )
-    try:
-        found = run.as_long_as_it_takes() if duration_s is None else run.fixed(round(duration_s / task.period))
-    except KeyboardInterrupt:
-        if not options.keep_on_interrupt or best.best is None:
-            raise
-        found, interrupted = best.best, True
-    if not found.feasible:
-        raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
+    run = CvxpySearch(task, mission, frame, search, options.extra, log, budget, best.keep, best.found)
+
+    def searched() -> Candidate:
+        return run.as_long_as_it_takes() if duration_s is None else run.fixed(round(duration_s / task.period))
+
+    found, interrupted = best.of(searched, mission, keep=options.keep_on_interrupt)
     recording = _recording(mission, options, frame, found, {}, interrupted=interrupted)
     told: dict[str, Any] = {"formulation": options.formulation, "cvxpy": log.to_dict()}
     told["subproblems"] = sum(log.counts.values())
@@ -216,6 +207,24 @@ class _Best(Watcher):
         self.best: Candidate | None = None
         self._period, self._unit_m, self._on_progress = period, unit_m, on_progress or (lambda _: None)
         self._tried = self._said = ""
+
+    def of(self, search: Callable[[], Candidate], mission: Mission, *, keep: bool) -> tuple[Candidate, bool]:
+        """Return what a search finds, and whether Ctrl-C ended it: then the best plan so far, if that is to be kept.
+
+        Raises
+        ------
+        UserError
+            No motion was found that satisfies the constraints.
+        """
+        try:
+            found, interrupted = search(), False
+        except KeyboardInterrupt:
+            if not keep or self.best is None:
+                raise
+            found, interrupted = self.best, True
+        if not found.feasible:
+            raise UserError(f"mission {mission.spec.name}: no motion was found that keeps all its constraints")
+        return found, interrupted
 
     def tries(self, steps: int) -> None:
         """Say that plans of so many steps are looked for."""

@@ -12,10 +12,11 @@ from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.errors import UserError
 from mpc_cover.planning.candidate import evaluate_motion
 from mpc_cover.planning.extension import extended
+from mpc_cover.planning.free_horizon import plan_free_horizon
 from mpc_cover.planning.initial_guess.formation_sweeps import link_lanes
 from mpc_cover.planning.initial_guess.guess import GuessKind, Origin
 from mpc_cover.planning.initial_guess.timed_sweeps import repair_sweeps, timed_sweeps
-from mpc_cover.planning.min_time import FAILURES, plan_free_horizon, plan_min_time, shortened
+from mpc_cover.planning.min_time import FAILURES, plan_min_time, shortened
 from mpc_cover.planning.multistart import Search, multistart
 from mpc_cover.planning.scp import descends_natively, evaluate, optimise
 from mpc_cover.planning.shortening import Shortening
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.candidate import Candidate
-    from mpc_cover.planning.min_time import Watcher
+    from mpc_cover.planning.free_horizon import Watcher
     from mpc_cover.planning.ocp import OCP
     from mpc_cover.planning.scp import SCPResult
     from mpc_cover.planning.task import Task

@@ -52,6 +52,11 @@ def resampled(velocity: FloatArray, steps: int) -> FloatArray:
     return np.asarray(scaled)
 
 
+def flown_in_steps(ocp: OCP, position: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return the decision vector of a motion's path, (N+1, m, d) [m], [m/s], flown in the steps of an OCP."""
+    return ocp.exact_ends(ocp.decision(position[0], resampled(velocity, ocp.steps)))
+
+
 def refine_segments(
     task: Task,
     motion: tuple[FloatArray, FloatArray],
@@ -98,7 +103,7 @@ def _refined_segment(
     now = evaluate(ocp, ocp.decision(position[begin], velocity[begin : end + 1]))
     for count in (steps - 1,) if now.complete else (steps, steps + 1):
         ocp = _ocp(task, motion, demand, begin, end, count)
-        x = ocp.exact_ends(ocp.decision(position[begin], resampled(velocity[begin : end + 1], count)))
+        x = flown_in_steps(ocp, position[begin:], velocity[begin : end + 1])
         found = optimise(
             ocp,
             x,

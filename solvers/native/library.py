@@ -60,7 +60,7 @@ class Problem(Structure):
 
     _fields_ = [
         *_fields(c_int32, "steps agents dimension pairs first closed end_fixed long_steps linked instants"),
-        *_fields(c_int32, "dense_max cells demands parts continuous"),
+        *_fields(c_int32, "dense_max demands parts continuous"),
         *_fields(c_double, "range"),
         *_fields(_DOUBLES, "speed_max input_max speed_limit input_limit braking_input"),
         *_fields(_FLAGS, "active"),
@@ -124,17 +124,18 @@ def lapack(name: str) -> int:
 
 def descend(problem: Problem, options: Options, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], Found]:
     """Return the variables of the best motion found from `x`, which is not changed, and what is known of it."""
-    native = library()
-    assert native is not None
-    found, start = Found(), np.array(x, dtype=np.float64)
-    native.coverage_descent(problem, options, ctypes.cast(start.ctypes.data, _DOUBLES), found)
-    return start, found
+    return _called("coverage_descent", problem, options, x)
 
 
 def evaluate(problem: Problem, options: Options, x: NDArray[np.float64]) -> Found:
     """Return cost and violations of a motion, as the descent sees them."""
+    return _called("coverage_evaluate", problem, options, x)[1]
+
+
+def _called(name: str, problem: Problem, options: Options, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], Found]:
+    """Call a function of the library on a copy of the variables; return these and what it found."""
     native = library()
     assert native is not None
     found, start = Found(), np.array(x, dtype=np.float64)
-    native.coverage_evaluate(problem, options, ctypes.cast(start.ctypes.data, _DOUBLES), found)
-    return found
+    getattr(native, name)(problem, options, ctypes.cast(start.ctypes.data, _DOUBLES), found)
+    return start, found

@@ -13,7 +13,7 @@ from motions import random_window
 from mpc_cover.mission.load import load_mission
 from mpc_cover.model.fleet_constraints import FleetConstraints
 from mpc_cover.planning.budget import Budget
-from mpc_cover.planning.min_time import plan_free_horizon
+from mpc_cover.planning.free_horizon import plan_free_horizon
 from mpc_cover.planning.planner import Planner
 from mpc_cover.planning.scp import optimise
 from mpc_cover.planning.task import Task

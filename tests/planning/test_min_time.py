@@ -11,8 +11,9 @@ from motions import EXHAUSTED, PERIOD, UNLIMITED, grid
 
 from mpc_cover.mission.load import load_mission
 from mpc_cover.planning.candidate import evaluate_guess
+from mpc_cover.planning.free_horizon import Watcher, plan_free_horizon
 from mpc_cover.planning.initial_guess.guess import GuessKind
-from mpc_cover.planning.min_time import Watcher, plan_free_horizon, plan_min_time
+from mpc_cover.planning.min_time import plan_min_time
 from mpc_cover.planning.multistart import Search, systematic_guesses
 from mpc_cover.planning.offline import offline_task
 from mpc_cover.planning.task import Task
@@ -60,7 +61,7 @@ def test_a_thorough_search_compares_every_kind_of_guess_in_the_plane_and_in_spac
         flown.add(guess.origin.kind)
         return evaluate_guess(task, guess, steps)
 
-    monkeypatch.setattr("mpc_cover.planning.min_time.evaluate_guess", seen)
+    monkeypatch.setattr("mpc_cover.planning.free_horizon.evaluate_guess", seen)
     plan_free_horizon(offline_task(load_mission(name)), make_backend("piqp"), attempts=0, budget=UNLIMITED)
     assert flown >= {GuessKind.COMB, GuessKind.SNAKE, GuessKind.STRIPS, GuessKind.TOUR, GuessKind.REST}
 

@@ -178,7 +178,7 @@ void coverage_levels(const Problem *p, const Workspace *w, const Options *t, dou
 
 /* Rows of the terms that a step may bring to the edge of coverage, and the curvature of the distances. */
 void coverage_rows(const Problem *p, Workspace *w, const Options *t, const Motion *o) {
-    const int M = t->samples, d = p->dimension, m = p->agents, half = w->half, st = w->stage;
+    const int M = t->samples, d = p->dimension, half = w->half, st = w->stage;
     const double reach = 2.0 * t->step_max;
     for (int e = 0; e < p->demands; e++)
         for (int look = 0; look < p->demand_looks[e]; look++) {
@@ -219,5 +219,4 @@ void coverage_rows(const Problem *p, Workspace *w, const Options *t, const Motio
                     }
             }
         }
-    (void)m;
 }

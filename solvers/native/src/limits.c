@@ -2,12 +2,6 @@
 #include <math.h>
 #include "problem.h"
 
-static double norm(int d, const double *e) {
-    double square = 0.0;
-    for (int a = 0; a < d; a++) square += e[a] * e[a];
-    return sqrt(square);
-}
-
 static void input(const Problem *p, const Motion *o, int n, int i, double *u) {
     const int d = p->dimension, at = (n * p->agents + i) * d, st = p->agents * d;
     for (int a = 0; a < d; a++) u[a] = o->v[at + st + a] - o->v[at + a];

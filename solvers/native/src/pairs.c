@@ -3,12 +3,6 @@
 #include <string.h>
 #include "problem.h"
 
-static double length(int d, const double *e) {
-    double square = 0.0;
-    for (int a = 0; a < d; a++) square += e[a] * e[a];
-    return sqrt(square);
-}
-
 static void difference(const Problem *p, const double *q, int n, int i, int j, double *e) {
     const int d = p->dimension;
     const double *a = q + ((long)n * p->agents + i) * d, *b = q + ((long)n * p->agents + j) * d;
@@ -47,7 +41,7 @@ void measure_pairs(const Problem *p, Motion *o) {
             for (int j = i + 1; j < m; j++, pair++) {
                 double e[MAX_DIMENSION];
                 difference(p, o->q, n, i, j, e);
-                o->sampled[(long)n * P + pair] = length(d, e);
+                o->sampled[(long)n * P + pair] = norm(d, e);
             }
     for (int n = 0; n < p->steps; n++) {
         for (int i = 0, pair = 0; i < m; i++)
@@ -62,7 +56,7 @@ void measure_pairs(const Problem *p, Motion *o) {
                 for (int part = 1; part < WITHIN; part++) {
                     const double s = (double)part / WITHIN;
                     for (int a = 0; a < d; a++) there[a] = e[a] + s * v[a] + s * s * bend[a];
-                    const double x = length(d, there);
+                    const double x = norm(d, there);
                     low = MIN(low, x);
                     high = MAX(high, x);
                 }
@@ -116,7 +110,7 @@ static void edge_curvature(const Problem *p, Workspace *w, int n, int i, int j, 
         const int least = fabs(normal[0]) < fabs(normal[1]) ? (fabs(normal[0]) < fabs(normal[2]) ? 0 : 2) : (fabs(normal[1]) < fabs(normal[2]) ? 1 : 2);
         double *u = across[0], *v = across[1], size;
         for (int a = 0; a < 3; a++) u[a] = (a == least) - normal[least] * normal[a];
-        size = length(3, u);
+        size = norm(3, u);
         for (int a = 0; a < 3; a++) u[a] /= size;
         for (int a = 0; a < 3; a++) v[a] = normal[(a + 1) % 3] * u[(a + 2) % 3] - normal[(a + 2) % 3] * u[(a + 1) % 3];
     }
@@ -133,12 +127,12 @@ static void separate(const Problem *p, Workspace *w, const Options *t, const Mot
     difference(p, o->q, n, i, j, here);
     difference(p, o->q, n + 1, i, j, there);
     for (int a = 0; a < d; a++) normal[a] = here[a] + there[a];
-    double norm = length(d, normal);
-    if (norm <= 1e-6) {
+    double size = norm(d, normal);
+    if (size <= 1e-6) {
         for (int a = 0; a < d; a++) normal[a] = there[a];
-        norm = length(d, normal);
+        size = norm(d, normal);
     }
-    for (int a = 0; a < d; a++) normal[a] = norm > 1e-9 ? normal[a] / norm : (a == 0);
+    for (int a = 0; a < d; a++) normal[a] = size > 1e-9 ? normal[a] / size : (a == 0);
     double reached[2] = {0.0, 0.0};
     for (int a = 0; a < d; a++) reached[0] += normal[a] * here[a], reached[1] += normal[a] * there[a];
     /* how much nearer the pair comes between the samples than at them */
@@ -161,7 +155,7 @@ static void hold_edge(const Problem *p, Workspace *w, const Options *t, const Mo
         difference(p, o->v, n, i, j, v);
         for (int a = 0; a < d; a++) e[a] += 0.5 * v[a];
     }
-    const double far = length(d, e), level = control ? MIN(far - p->range, 0.0) : far + bow - p->range;
+    const double far = norm(d, e), level = control ? MIN(far - p->range, 0.0) : far + bow - p->range;
     if (level < -2.5 * t->step_max) return;
     for (int a = 0; a < d; a++) e[a] = far > 1e-9 ? e[a] / far : (a == 0);
     const int before = w->rows.count;

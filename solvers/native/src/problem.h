@@ -7,6 +7,7 @@
 #ifndef PROBLEM_H
 #define PROBLEM_H
 
+#include <math.h>
 #include <stdint.h>
 
 #define MAX_DIMENSION 3
@@ -25,7 +26,7 @@ typedef struct {
     int32_t linked;                          /* whether a communication range is to be kept */
     int32_t instants;                        /* stops (passive safety) per step; 0 without passive safety */
     int32_t dense_max;                       /* variables up to which the fleet is one block */
-    int32_t cells, demands;                  /* K, and pairs (magnitude, cell) that are owed */
+    int32_t demands;                         /* pairs (magnitude, cell) that are owed */
     int32_t parts, continuous;               /* looks in each interval; whether its nearest point counts */
     double range;                            /* longest edge, margin included */
     const double *speed_max, *input_max;     /* (m,) that rows keep */
@@ -123,6 +124,12 @@ typedef struct {
     double *scratch, *part;
     Rows rows;
 } Workspace;
+
+static inline double norm(int d, const double *e) {
+    double square = 0.0;
+    for (int a = 0; a < d; a++) square += e[a] * e[a];
+    return sqrt(square);
+}
 
 /* Add to an entry of a Hessian, or drop it where it couples blocks. */
 static inline void add_entry(const Workspace *w, double *H, int i, int j, double h) {

@@ -16,12 +16,6 @@ typedef struct {
     double speed[MAX_DIMENSION]; /* of the stopper when it begins to brake */
 } Encounter;
 
-static double norm(int d, const double *e) {
-    double square = 0.0;
-    for (int a = 0; a < d; a++) square += e[a] * e[a];
-    return sqrt(square);
-}
-
 /* Position at a time after braking begins. */
 static void braking(int d, const double *q, const double *v, double later, double u, double *out) {
     const double speed = norm(d, v), time = MIN(later, speed / u);

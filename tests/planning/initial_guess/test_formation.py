@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from motions import EXHAUSTED, PERIOD, UNLIMITED, grid
 
 from mpc_cover.planning.candidate import evaluate_guess
+from mpc_cover.planning.free_horizon import plan_free_horizon
 from mpc_cover.planning.initial_guess.formation import formation_flight
 from mpc_cover.planning.initial_guess.guess import GuessKind, rest_guess
-from mpc_cover.planning.min_time import plan_free_horizon
 from mpc_cover.planning.multistart import Search
 from mpc_cover.planning.task import Task
 from mpc_cover.verification.motion import verify_motion

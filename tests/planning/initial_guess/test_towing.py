@@ -8,9 +8,9 @@ from flights import fleet_of
 from motions import PERIOD, UNLIMITED
 
 from mpc_cover.planning.candidate import evaluate_guess
+from mpc_cover.planning.free_horizon import plan_free_horizon
 from mpc_cover.planning.initial_guess.formation import formation_flight
 from mpc_cover.planning.initial_guess.towing import Towing
-from mpc_cover.planning.min_time import plan_free_horizon
 from mpc_cover.planning.task import Task
 from solvers.backends.registry import make_backend
 
