@@ -16,6 +16,8 @@ TIE = 1e-9
 choice, far below any cell."""
 _PIECES = 4
 """Pieces of an interval in each of which the nearest point is sought; a plain choice, as distances have two minima."""
+_PAIRS_MAX = 1_000_000
+"""Samples times cells whose distances are taken at once, so that they fit into the caches; a plain choice."""
 _STRIP = 1.01
 """Half the width, in sensing radii, of the strip of cells along an axis that are looked at; 1 but for rounding."""
 _PERIOD_ROUNDING = 1e-6
@@ -37,10 +39,16 @@ def look_counts(position: FloatArray, cell: FloatArray, radius: FloatArray) -> I
     `cell` is (K, d) [m]; `radius` (m, J) [m], -inf where an agent cannot measure a magnitude.
     """
     count = np.zeros((radius.shape[1], cell.shape[0]), dtype=np.intp)
+    if not len(position):
+        return count
+    order = np.argsort(cell[:, 0], kind="stable")
     for path, reach in zip(np.swapaxes(position, 0, 1), radius, strict=True):
-        distance = np.sqrt(sum((path[:, None, a] - cell[None, :, a]) ** 2 for a in range(cell.shape[1])))
-        for magnitude in np.flatnonzero(reach > 0.0):
-            count[magnitude] += np.count_nonzero(distance <= reach[magnitude] + TIE, axis=0)
+        for some in np.array_split(path, -(-len(path) * len(cell) // _PAIRS_MAX)):
+            ends = np.array([some[:, 0].min(), some[:, 0].max()]) + np.array([-_STRIP, _STRIP]) * max(reach.max(), 0.0)
+            strip = order[slice(*np.searchsorted(cell[order, 0], ends))]
+            distance = np.sqrt(sum((some[:, None, a] - cell[None, strip, a]) ** 2 for a in range(cell.shape[1])))
+            for magnitude in np.flatnonzero(reach > 0.0):
+                count[magnitude, strip] += np.count_nonzero(distance <= reach[magnitude] + TIE, axis=0)
     return count
 
 

@@ -85,7 +85,7 @@ def _extension(rest: Task, backend: Backend, budget: Budget) -> Candidate | None
     found: list[Candidate] = []
     useful: list[Candidate] = []
     for maker in makers:
-        if tight and useful:
+        if useful and (tight or budget.exhausted):
             break
         for guess in maker.guesses(rest):
             found.append(evaluate_guess(rest, guess))

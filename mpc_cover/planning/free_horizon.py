@@ -215,7 +215,7 @@ def _evaluated_guesses(task: Task, search: Search, budget: Budget) -> list[Candi
         (None if search.starts > _SCREENED else _GUESSES_PER_START * search.starts),
         budget.part(_GUESSES_SHARE),
     )
-    for guess in systematic_guesses(task)[:most]:
+    for guess in systematic_guesses(task, part)[:most]:
         if evaluated and part.exhausted:
             break
         evaluated.append(evaluate_guess(task, guess))

@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from mpc_cover.planning.basin_hopping import basin_hopping, reweighted
-from mpc_cover.planning.budget import GUESS_SAMPLE_S
+from mpc_cover.planning.budget import GUESS_SAMPLE_S, Budget
 from mpc_cover.planning.candidate import Candidate, candidate_of
 from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.cruise import at_cruise
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.planning.budget import Budget
     from mpc_cover.planning.initial_guess.guess import Guess
     from mpc_cover.planning.initial_guess.interface import InitialGuess
     from mpc_cover.planning.scp import SCPResult
@@ -185,7 +184,7 @@ def _hopped(
 def _starts(task: Task, steps: int, search: Search, budget: Budget) -> Iterator[tuple[Origin, FloatArray]]:
     """Yield origins and decision vectors of up to `search.starts` initial guesses, as the budget allows."""
     ocp = task.ocp(steps)
-    for number, guess in enumerate(islice(initial_guesses(task, search), max(search.starts, 1))):
+    for number, guess in enumerate(islice(initial_guesses(task, search, budget), max(search.starts, 1))):
         if number and budget.exhausted:
             return
         budget.charge(GUESS_SAMPLE_S * steps)
@@ -201,15 +200,15 @@ def _ignore(steps: int, candidate: Candidate) -> None:
     del steps, candidate
 
 
-def systematic_guesses(task: Task) -> list[Guess]:
+def systematic_guesses(task: Task, budget: Budget | None = None) -> list[Guess]:
     """Return all guesses that are neither random nor from an earlier plan, the most promising kinds first.
 
     Paths along the shape come first where they are much shorter than sweeps; last, where they need a longer range than
-    there is; and not at all elsewhere.
+    there is; and not at all elsewhere. With a budget, those of large areas that are made in time; at least one is.
     """
     known = _GUESSES.get(task)
     if known is None:
-        known = _GUESSES[task] = _made(task)
+        known = _GUESSES[task] = _made(task, budget or Budget.unlimited())
     return known
 
 
@@ -217,23 +216,31 @@ _GUESSES: WeakKeyDictionary[Task, list[Guess]] = WeakKeyDictionary()
 """The systematic guesses of tasks that are being planned: several searches begin with them."""
 
 
-def _made(task: Task) -> list[Guess]:
+def _made(task: Task, budget: Budget) -> list[Guess]:
     if not (task.weight > 0.0).any():
         return [rest_guess(task.position)]
     free: tuple[InitialGuess, ...] = (Boustrophedon(), Tour())
     guesses = (guess for maker in free for guess in maker.guesses(task))
-    sweeps = sorted(at_cruise(task, guesses), key=_kind_rank)
-    first, last = shorter(task, ShapeTour().guesses(task), sweeps)
-    return [*FormationSweeps().guesses(task), *first, *sweeps, *last]
+    together = list(_in_time(FormationSweeps().guesses(task), budget))
+    sweeps = sorted(_in_time(at_cruise(task, guesses), budget, least=0 if together else 1), key=_kind_rank)
+    first, last = shorter(task, _in_time(ShapeTour().guesses(task), budget), sweeps)
+    return [*together, *first, *sweeps, *last]
+
+
+def _in_time(guesses: Iterator[Guess], budget: Budget, least: int = 0) -> Iterator[Guess]:
+    """Yield `least` guesses, and more while the budget lasts."""
+    yield from islice(guesses, least)
+    while not budget.exhausted and (guess := next(guesses, None)) is not None:
+        yield guess
 
 
 def _kind_rank(guess: Guess) -> int:
     return _KIND_ORDER.index(guess.origin.kind)
 
 
-def initial_guesses(task: Task, search: Search) -> Iterator[Guess]:
-    """Yield the systematic guesses, then random perturbations of them without end."""
-    systematic = systematic_guesses(task)
+def initial_guesses(task: Task, search: Search, budget: Budget | None = None) -> Iterator[Guess]:
+    """Yield the systematic guesses, made within a budget, then random perturbations of them without end."""
+    systematic = systematic_guesses(task, budget)
     if search.names:
         chosen = {guess.origin.name: guess for guess in systematic}
         yield from (chosen[name] for name in search.names if name in chosen)

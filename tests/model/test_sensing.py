@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mpc_cover.model import sensing
 from mpc_cover.model.sensing import covered_at, look_counts, measured
 
 
@@ -38,7 +39,8 @@ def test_looks_count_once_a_period_for_each_agent():
     assert covered_at(time, here, cell, radius, 7, 0.5).tolist() == [np.inf]
 
 
-def test_looks_of_a_motion_are_counted_agent_by_agent():
+def test_looks_of_a_motion_are_counted_agent_by_agent(monkeypatch):
+    monkeypatch.setattr(sensing, "_PAIRS_MAX", 50)  # samples and cells in parts
     rng = np.random.default_rng(2)
     position, cell = rng.uniform(0.0, 3.0, (7, 3, 2)), rng.uniform(0.0, 3.0, (20, 2))
     radius = np.array([[1.0, -np.inf], [0.5, 2.0], [-np.inf, 1.0]])

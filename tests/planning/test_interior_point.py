@@ -64,9 +64,10 @@ def shaken(ocp, x, seed, size):
     looks=st.booleans(),
     dimension=st.sampled_from([2, 3]),
     size=st.sampled_from([0.0, 0.05, 0.5]),
+    steps=st.sampled_from([7, 50]),  # samples are bounded together by sixteen steps
 )
-def test_motions_are_judged_as_numpy_judges_them(seed, change, looks, dimension, size):
-    ocp, x = window(seed, change, looks=looks, dimension=dimension)
+def test_motions_are_judged_as_numpy_judges_them(seed, change, looks, dimension, size, steps):
+    ocp, x = window(seed, change, looks=looks, dimension=dimension, steps=steps)
     x = shaken(ocp, x, seed, size)
     one, other = interior_point.evaluate(ocp, x), evaluate_with_numpy(ocp, x)
     # nearest points of continuous looks are refined from different points of an interval

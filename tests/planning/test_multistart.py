@@ -9,7 +9,8 @@ import pytest
 from flights import fleet_of
 from motions import PERIOD, UNLIMITED, grid
 
-from mpc_cover.planning.multistart import Search, initial_guesses, multistart
+from mpc_cover.planning.budget import Budget
+from mpc_cover.planning.multistart import Search, initial_guesses, multistart, systematic_guesses
 from mpc_cover.planning.task import Task
 from mpc_cover.verification.motion import verify_motion
 from solvers.backends.registry import make_backend
@@ -84,3 +85,10 @@ def test_more_starts_are_random_relatives_and_the_same_for_a_seed():
     assert "random" in names[0][-1]
     only = list(initial_guesses(task, Search(names=("tour", names[0][1]))))
     assert [guess.origin.name for guess in only] == ["tour", names[0][1]]
+
+
+def test_guesses_are_made_while_the_budget_lasts_and_one_in_any_case():
+    task, spent = small_task(), Budget.counted(0.0)
+    (only,) = systematic_guesses(task, spent)
+    assert only.origin in {guess.origin for guess in systematic_guesses(small_task())}
+    assert len(systematic_guesses(small_task(), Budget.counted(1.0))) > 1

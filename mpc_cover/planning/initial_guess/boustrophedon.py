@@ -100,7 +100,7 @@ def frame_of_area(cell: FloatArray) -> FloatArray:
     """
     if cell.shape[1] != 2 or cell.shape[0] < 3:  # noqa: PLR2004 - a rectangle in the plane
         return np.eye(cell.shape[1])
-    hull = shapely.MultiPoint(cell).convex_hull
+    hull = shapely.multipoints(cell).convex_hull
     box = shapely.minimum_rotated_rectangle(hull)
     if box.geom_type != "Polygon" or box.area > _SMALLER_SHARE * hull.envelope.area:
         return np.eye(2)

@@ -39,6 +39,8 @@ _OBSTACLE_MARGIN = 0.011
 _COVERED_SHARE = 0.95
 """Part of the sensing radius within which a cell counts as measured along a leg; a plain choice for what lies between
 samples."""
+_CELLS_MAX = 5000
+"""Owed cells that goals are chosen by; a plain choice that bounds the time of a leg."""
 _DISTANCE_ROUNDING = 1e-9
 """Tolerance of the distance to lost agents [m]; a plain choice."""
 
@@ -114,7 +116,8 @@ def _legs(
     Displacements of the fleet stay within the `box`; goals are displacements at which an agent is near a cell.
     """
     radius = task.fleet.radius[list(task.fleet.active)]  # (a, J)
-    owed = (task.weight > 0.0).any(axis=0)
+    owed = np.flatnonzero((task.weight > 0.0).any(axis=0))
+    owed = owed[:: max(1, -(-len(owed) // _CELLS_MAX))]  # evenly, where there are too many to compare
     # (a, K, d): displacements to the cells
     offset = task.cell[None, owed] - task.position[list(task.fleet.active)][:, None]
     nearest = np.clip(offset, *box)

@@ -42,14 +42,15 @@ class ShapeTour:
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
         """Yield guesses with lanes along the axes and along the principal directions, the shortest first."""
         teams = teams_of(task.fleet, task.cell, task.weight, task.period, slow=False)
-        by_team = [_by_direction(team, task.position) for team in teams]
+        grouped = [_contracted(team.left, team.swath.half_width) for team in teams]
+        by_team = [_by_direction(team, *some, task.position) for team, some in zip(teams, grouped, strict=True)]
         found = []
         for name in dict.fromkeys(name for paths in by_team for name in paths):
             shared, together = [here[None] for here in task.position], [here[None] for here in task.position]
-            for team, paths in zip(teams, by_team, strict=True):
+            for team, paths, (cell, _) in zip(teams, by_team, grouped, strict=True):
                 path = paths.get(name, next(iter(paths.values())))
                 here = task.position[team.agents]
-                parts = divided(path, team.left, here, team.speed, task.fleet.separation_min)[0]
+                parts = divided(path, cell, here, team.speed, task.fleet.separation_min)[0]
                 for agent, part, whole in zip(team.agents, parts, in_file(path, here), strict=True):
                     shared[agent], together[agent] = part, whole
             found.append(Guess(Origin(GuessKind.SHAPE, f"shape, lanes {name}"), shared))
@@ -58,9 +59,8 @@ class ShapeTour:
         yield from sorted(found, key=partial(flight_time, task))
 
 
-def _by_direction(team: Team, position: FloatArray) -> dict[str, FloatArray]:
-    """Return for each direction of lanes a path (W, d) [m] along the shape of the team's cells."""
-    cell, near = _contracted(team.left, team.swath.half_width)
+def _by_direction(team: Team, cell: FloatArray, near: float, position: FloatArray) -> dict[str, FloatArray]:
+    """Return for each direction of lanes a path (W, d) [m] along the shape of a team's cells, within `near` [m]."""
     middle = position[team.agents].mean(axis=0)
     tours = {name: segment_tour(shape_lanes(cell, near, axes), middle) for name, axes in _directions(cell)}
     return {name: shortened(tour.reshape(-1, cell.shape[1]), cell, near) for name, tour in tours.items()}

@@ -15,7 +15,7 @@ from mpc_cover.model.tolerances import AT_REST, DIVISOR_MIN
 from mpc_cover.model.trajectory import Trajectory
 from mpc_cover.planning.budget import GUESS_SAMPLE_S
 from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
-from mpc_cover.planning.initial_guess.tour import tour_guess
+from mpc_cover.planning.initial_guess.tour import tour_or_strips
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,7 +52,7 @@ class StaggeredTour:
             return
         active = np.isfinite(task.fleet.radius).any(axis=1) & task.fleet.is_active
         while active.any():
-            tour = tour_guess(_with_radii(task, active), task.cell, task.weight, task.position)
+            tour = tour_or_strips(replace(task, fleet=_with_radii(task, active)))
             motion = _inside(task).flown(tour, None)
             self._budget.charge(GUESS_SAMPLE_S * motion.steps)
             staggered, stays = _staggered(motion, task)
@@ -60,6 +60,8 @@ class StaggeredTour:
                 yield Guess(Origin(GuessKind.TOUR, "tour"), motion=staggered)
                 return
             active[stays] = False
+            if self._budget.exhausted:
+                return
 
 
 def _inside(task: Task) -> Task:

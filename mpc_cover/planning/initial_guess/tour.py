@@ -1,4 +1,4 @@
-"""Greedy tours of scattered cells by several agents."""
+"""Greedy tours of scattered cells by several agents; sweeps where there are too many for that."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpc_cover.planning.initial_guess.boustrophedon import Boustrophedon
 from mpc_cover.planning.initial_guess.guess import Guess, GuessKind, Origin
 
 if TYPE_CHECKING:
@@ -28,8 +29,19 @@ class Tour:
 
     def guesses(self, task: Task, incumbent: Trajectory | None = None) -> Iterator[Guess]:  # noqa: ARG002 - from scratch
         """Yield the tour, if there is one."""
-        if np.count_nonzero((task.weight > 0.0).any(axis=0)) <= _CELLS_MAX:
+        if _few(task.weight):
             yield tour_guess(task.fleet, task.cell, task.weight, task.position)
+
+
+def tour_or_strips(task: Task) -> Guess:
+    """Return a greedy tour of what a task demands; where that is too much, strips of equal work."""
+    if _few(task.weight):
+        return tour_guess(task.fleet, task.cell, task.weight, task.position)
+    return next(Boustrophedon().guesses(task))
+
+
+def _few(weight: FloatArray) -> bool:
+    return bool(np.count_nonzero((weight > 0.0).any(axis=0)) <= _CELLS_MAX)
 
 
 def tour_guess(fleet: Fleet, cell: FloatArray, demand: FloatArray, position: FloatArray) -> Guess:

@@ -108,7 +108,7 @@ static int workspace_allocate(Workspace *w, const Problem *p, const Options *t, 
     }
     w->has_velocity_columns = p->parts > 1 || p->continuous || p->long_steps || p->instants > 0;
     const long half = w->half, nx = w->variables;
-    const long scratch = MAX(nx, (2L + p->dimension) * (N + 1) * m + m + 2L * w->widest) + 8;
+    const long scratch = MAX(nx, nearest_doubles(p, w->widest)) + 8;
     if (!(w->index = malloc(sizeof(int32_t) * (w->widest + 1))) || !(w->scratch = malloc(sizeof(double) * scratch))) return 0;
     if (!with_hessian) return 1;
     if (!divide(p, w)) return 0;

@@ -162,6 +162,7 @@ int rows_curve(Rows *r, double weight);
 double row_multiplier(const Rows *r, int32_t row);
 
 /* coverage.c */
+long nearest_doubles(const Problem *p, int widest);
 void find_nearest(const Problem *p, const Workspace *w, int samples, Motion *o);
 void coverage_levels(const Problem *p, const Workspace *w, const Options *t, double beta, Motion *o);
 void coverage_rows(const Problem *p, Workspace *w, const Options *t, const Motion *o);

@@ -5,7 +5,9 @@ from flights import mission_of
 from tiny_mission import TINY
 
 from mpc_cover.model.fleet_constraints import FleetConstraints
-from mpc_cover.planning.initial_guess.tour import tour_guess
+from mpc_cover.planning.initial_guess.guess import GuessKind
+from mpc_cover.planning.initial_guess.tour import tour_guess, tour_or_strips
+from mpc_cover.planning.task import Task
 
 
 def fleet_of(radius):
@@ -26,3 +28,12 @@ def test_nobody_sets_out_where_nobody_can_measure():
     fleet = fleet_of([[-np.inf], [-np.inf]])
     guess = tour_guess(fleet, np.ones((3, 2)), np.ones((1, 3)), fleet.start)
     np.testing.assert_array_equal(np.concatenate(guess.paths), fleet.start)
+
+
+def test_thousands_of_cells_are_swept_instead():
+    fleet = fleet_of([[1.0], [1.0]])
+    for side, kind in ((30, GuessKind.TOUR), (60, GuessKind.STRIPS)):
+        cell = np.stack(np.meshgrid(*[np.arange(side) * 0.5] * 2), axis=-1).reshape(-1, 2)
+        still = np.zeros_like(fleet.start)
+        task = Task(fleet, cell, np.ones((1, len(cell))), fleet.start, still, 0.0, 0.5)
+        assert tour_or_strips(task).origin.kind is kind
