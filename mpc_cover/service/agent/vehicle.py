@@ -205,10 +205,12 @@ class TrackingVehicle:
         self.nominal.advance(end_s, schedule)
 
 
-def make_vehicle(mission: Mission, index: int, time_s: float, seed: int, log: Log | None) -> Vehicle:
-    """Return the vehicle of the mission's agent number `index`, at rest at its start."""
+def make_vehicle(
+    mission: Mission, index: int, time_s: float, seed: int, log: Log | None, at: FloatArray | None = None
+) -> Vehicle:
+    """Return the vehicle of the mission's agent number `index`, at rest at its start, or `at` (d,) [m]."""
     fleet = mission.fleet
-    start = fleet.start[index].copy()
+    start = (fleet.start[index] if at is None else at).copy()
     rest = np.zeros_like(start)
     if not disturbs_motion(mission.spec.disturbance):
         return UndisturbedVehicle(Plant(time_s, start, rest, log))

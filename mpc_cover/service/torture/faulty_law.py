@@ -1,0 +1,105 @@
+"""The control law of a simulated controller: it takes virtual time, and fails where a fault has it fail."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpc_cover.control.control_law import ControlLaw, ImprovesWhenIdle, Proposal
+from mpc_cover.service.torture.faults import Fault, FaultKind
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mpc_cover.control.recovery import Mode
+    from mpc_cover.information.demand import DemandMap
+    from mpc_cover.model.fleet_state import FleetState
+    from mpc_cover.model.trajectory import Trajectory
+    from mpc_cover.planning.budget import Budget
+    from mpc_cover.service.torture.processes import Process
+
+SOLVER_FAULTS = ("raises", "nan", "infinite", "collides", "too fast", "elsewhere", "no proposal", "late")
+"""What a control law with a faulty solver does."""
+
+
+class SolverError(Exception):
+    """What a law raises whose solver fails."""
+
+
+class FaultyLaw:
+    """A control law in a process of the simulated world; see `ControlLaw`.
+
+    Parameters
+    ----------
+    law : what decides.
+    process : in which it runs: it takes the virtual time that its work was counted to take.
+    faults : of solvers among them, those that strike it.
+    work_s : seconds of work that are counted in a second of virtual time.
+    """
+
+    def __init__(self, law: ControlLaw, process: Process, faults: Sequence[Fault], work_s: float) -> None:
+        self._law, self._process, self._work_s = law, process, work_s
+        self._faults = [fault for fault in faults if fault.kind is FaultKind.SOLVER]
+        self.tolerates_losses = law.tolerates_losses
+
+    @property
+    def mode(self) -> Mode:
+        """The mode of the law."""
+        return self._law.mode
+
+    def published(self, trajectory: Trajectory) -> None:
+        """Notify the law of what was sent."""
+        self._law.published(trajectory)
+
+    def step(self, state: FleetState, coverage: DemandMap, budget: Budget) -> Any:
+        """Return the law's proposal, or what a fault makes of it; later, as it takes time."""
+        before_s = budget.left_s
+        proposal = self._law.step(state, coverage, budget)
+        self._take(before_s - budget.left_s)
+        fault = next((fault for fault in self._faults if fault.on(self._process.time.now_s)), None)
+        return proposal if fault is None else self._failing(fault, proposal, state)
+
+    def improve(self, budget: Budget) -> bool:
+        """Let the law improve its plan; that takes time, too."""
+        if not isinstance(self._law, ImprovesWhenIdle):
+            return False
+        before_s = budget.left_s
+        more = self._law.improve(budget)
+        self._take(before_s - budget.left_s)
+        return more
+
+    def _take(self, counted_s: float) -> None:
+        self._process.wait_until(self._process.time.now_s + counted_s / self._work_s)
+
+    def _failing(self, fault: Fault, proposal: Proposal, state: FleetState) -> Any:
+        plan = proposal.trajectory
+        match fault.way:
+            case "raises":
+                raise SolverError("the solver broke down")
+            case "nan":
+                return replace(proposal, trajectory=replace(plan, input=np.full_like(plan.input, np.nan)))
+            case "infinite":
+                return replace(proposal, trajectory=replace(plan, velocity=np.full_like(plan.velocity, np.inf)))
+            case "collides":
+                return replace(proposal, trajectory=_meeting(plan, state))
+            case "too fast":
+                hasty = state.trajectory(2.0 * plan.velocity[1:], plan.period)
+                return replace(proposal, trajectory=hasty)
+            case "elsewhere":
+                return replace(proposal, trajectory=replace(plan, position=plan.position + 0.5))
+            case "no proposal":
+                return None
+            case _:
+                self._process.wait_until(self._process.time.now_s + fault.delay_s)
+                return proposal
+
+
+def _meeting(plan: Trajectory, state: FleetState) -> Trajectory:
+    """Return a motion of the same length in which all meet in the middle: what no verifier may pass."""
+    steps = plan.steps
+    share = np.minimum(np.arange(1, steps + 1), np.arange(steps - 1, -1, -1)).astype(float)
+    way = state.position.mean(axis=0) - state.position
+    later = share[:, None, None] / max(share.sum(), 1.0) * way / plan.period
+    return state.trajectory(later, plan.period)
