@@ -81,6 +81,8 @@ class _Pencil:
                 return [self._step(name) for name in (*self._ids, CONTROLLER)]
             case FaultKind.DEATHS:
                 return [Fault(kind, self._when(), targets=(name,), way="at once") for name in self._mortal()]
+            case FaultKind.DISK:
+                return self._disk()
             case _:
                 return [self._one(kind) for _ in range(chance.choice((1, 1, 2, 3)))]
 
@@ -109,15 +111,19 @@ class _Pencil:
                 return Fault(kind, start_s, chance.uniform(2.0, 15.0), whom, delay_s=lag_s)
             case FaultKind.FROZEN | FaultKind.TWINS:
                 return Fault(kind, start_s, chance.uniform(2.0, 10.0), (chance.choice(self._ids),))
-            case FaultKind.SOLVER:
+            case _:
                 way, late_s = chance.choice(SOLVER_FAULTS), chance.uniform(0.5, 10.0) * self._period_s
                 return Fault(kind, start_s, chance.uniform(0.0, 4.0) + self._period_s, way=way, delay_s=late_s)
-            case _:
-                return self._disk(start_s)
 
-    def _disk(self, start_s: float) -> Fault:
-        way = self._chance.choice(("full", "torn"))
-        return Fault(FaultKind.DISK, start_s, self._chance.uniform(1.0, 8.0), (CONTROLLER,), way=way)
+    def _disk(self) -> list[Fault]:
+        """Return a disk that fails, and a restart of the controller meanwhile or later, which needs it."""
+        way, start_s, lasts_s = self._chance.choice(("full", "torn")), self._when(), self._chance.uniform(1.0, 8.0)
+        dies_s = self._chance.uniform(start_s, start_s + lasts_s)
+        disk = Fault(FaultKind.DISK, start_s, lasts_s, (CONTROLLER,), way=way)
+        return [
+            disk,
+            Fault(FaultKind.RESTARTS, dies_s, self._chance.uniform(*_RESTART_S), (CONTROLLER,), way="at once"),
+        ]
 
     def _delay(self, kind: FaultKind, constant_s: float, random_s: float) -> Fault:
         begin_s = 0.0 if self._chance.random() < 0.5 else self._when()  # noqa: PLR2004 - a plain choice

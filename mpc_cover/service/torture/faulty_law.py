@@ -74,26 +74,36 @@ class FaultyLaw:
         self._process.wait_until(self._process.time.now_s + counted_s / self._work_s)
 
     def _failing(self, fault: Fault, proposal: Proposal, state: FleetState) -> Any:
-        plan = proposal.trajectory
-        match fault.way:
-            case "raises":
-                raise SolverError("the solver broke down")
-            case "nan":
-                return replace(proposal, trajectory=replace(plan, input=np.full_like(plan.input, np.nan)))
-            case "infinite":
-                return replace(proposal, trajectory=replace(plan, velocity=np.full_like(plan.velocity, np.inf)))
-            case "collides":
-                return replace(proposal, trajectory=_meeting(plan, state))
-            case "too fast":
-                hasty = state.trajectory(2.0 * plan.velocity[1:], plan.period)
-                return replace(proposal, trajectory=hasty)
-            case "elsewhere":
-                return replace(proposal, trajectory=replace(plan, position=plan.position + 0.5))
-            case "no proposal":
-                return None
-            case _:
-                self._process.wait_until(self._process.time.now_s + fault.delay_s)
-                return proposal
+        """Return what a fault makes of a proposal.
+
+        Raises
+        ------
+        SolverError
+            That is what it does.
+        """
+        if fault.way == "raises":
+            raise SolverError("the solver broke down")
+        if fault.way == "no proposal":
+            return None
+        if fault.way == "late":
+            self._process.wait_until(self._process.time.now_s + fault.delay_s)
+            return proposal
+        return replace(proposal, trajectory=_spoilt(fault.way, proposal.trajectory, state))
+
+
+def _spoilt(way: str, plan: Trajectory, state: FleetState) -> Trajectory:
+    """Return a trajectory that no filter may pass."""
+    match way:
+        case "nan":
+            return replace(plan, input=np.full_like(plan.input, np.nan))
+        case "infinite":
+            return replace(plan, velocity=np.full_like(plan.velocity, np.inf))
+        case "too fast":
+            return state.trajectory(2.0 * plan.velocity[1:], plan.period)
+        case "elsewhere":
+            return replace(plan, position=plan.position + 0.5)
+        case _:
+            return _meeting(plan, state)
 
 
 def _meeting(plan: Trajectory, state: FleetState) -> Trajectory:

@@ -30,7 +30,7 @@ _LIMIT_TOLERANCE = 1e-5
 
 
 class Violation(msgspec.Struct, frozen=True):
-    """Something that must not happen: what, when in virtual time [s], between whom, how much where how much is asked."""
+    """Something that must not happen: what, when in virtual time [s], of whom, how much where how much is asked."""
 
     what: str
     time_s: float
@@ -48,7 +48,7 @@ class Violation(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """The true motion of one agent: the states (K, d) [m], [m/s] at times (K,) [s], and the inputs held from there on."""
+    """The true motion of one agent: states (K, d) [m], [m/s] at times (K,) [s], and the inputs held from there on."""
 
     time: FloatArray
     position: FloatArray

@@ -1,4 +1,4 @@
-"""Simulated processes: a daemon's main loop on virtual time, which can be killed, stopped, continued and slowed down."""
+"""Simulated processes: a daemon's main loop on virtual time, which can be killed, stopped, continued and slowed."""
 
 from __future__ import annotations
 

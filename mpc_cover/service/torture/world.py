@@ -58,6 +58,7 @@ class Outcome:
     smallest_m : the smallest distance between two agents [m].
     digest : of all messages and motions: the same flight has the same.
     motions : the true motion of each agent, by id, in virtual time.
+    died : ids of the agents whose process died and did not come back.
     events : what controller and agents said, with its time.
     """
 
@@ -68,6 +69,7 @@ class Outcome:
     smallest_m: float
     digest: str
     motions: Mapping[str, Sequence[Piece]]
+    died: tuple[str, ...]
     events: tuple[str, ...]
 
 
@@ -338,6 +340,7 @@ class _World:
             sight.smallest_m,
             digest.hexdigest(),
             motions,
+            tuple(name for name in self._bodies if not self._processes[name].alive and not self._processes[name].ended),
             tuple(self._events),
         )
 
