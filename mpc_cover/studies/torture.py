@@ -12,7 +12,6 @@ import numpy as np
 from mpc_cover.exit_status import exit_status
 from mpc_cover.service.protocol.fingerprint import mission_hash
 from mpc_cover.service.run.recording import merge
-from mpc_cover.studies.progress import CountedProgress
 from mpc_cover.studies.torture_folder import TortureFolder
 from mpc_cover.studies.torture_runs import CLEAN_SEED, TortureRun, faults_of, flight_of, shrunk, torture
 from mpc_cover.trajectory_file import RecordingKind
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from mpc_cover.service.torture.faults import Fault, FaultKind
     from mpc_cover.service.torture.world import Outcome
     from mpc_cover.studies.executors import LocalExecutor
+    from mpc_cover.studies.progress import CountedProgress
     from mpc_cover.studies.torture_runs import TortureRecord
     from mpc_cover.trajectory_file import Recording
 

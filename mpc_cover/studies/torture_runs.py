@@ -11,8 +11,8 @@ import numpy as np
 
 from mpc_cover.mission.load import mission_from_json
 from mpc_cover.service.torture.drawing import draw, nominal_s
-from mpc_cover.service.torture.faults import Fault, FaultKind
-from mpc_cover.service.torture.oracle import Violation
+from mpc_cover.service.torture.faults import LASTING_S, Fault, FaultKind
+from mpc_cover.service.torture.oracle import Violation  # noqa: TC001 - likewise
 from mpc_cover.service.torture.world import fly
 
 if TYPE_CHECKING:
@@ -142,8 +142,4 @@ def _shortest(fault: Fault, fails: Callable[[Fault], bool]) -> Fault:
 def _halved(fault: Fault) -> Fault | None:
     """Return a fault of half the duration; None for instants, and for faults that last for good."""
     lasts_s = 0.5 * fault.duration_s
-    return msgspec.structs.replace(fault, duration_s=lasts_s) if _SHORTEST_S < lasts_s < _LASTING_S else None
-
-
-_LASTING_S = 1000.0
-"""Faults that last longer do so for the whole flight [s]; a plain choice."""
+    return msgspec.structs.replace(fault, duration_s=lasts_s) if _SHORTEST_S < lasts_s < LASTING_S else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import Counter
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from mpc_cover.service.torture.faults import Fault, FaultKind
@@ -32,31 +33,17 @@ class Channel:
         link = source, target, key
         number = self._sent[link]
         self._sent[link] += 1
-        arrival_s, in_order, copies = now_s + LATENCY_S, True, [0.0]
+        passage = _Passage(now_s + LATENCY_S)
         for fault in self._faults:
-            if not fault.on(now_s) or not _concerns(fault, source, target, key):
-                continue
-            chance = random.Random(f"{self._seed}/{fault.kind}/{fault.start_s}/{link}/{number}")  # noqa: S311 - reproducible, no secret
-            match fault.kind:
-                case FaultKind.LOSS | FaultKind.BURSTS:
-                    if chance.random() < fault.share:
-                        return []
-                case FaultKind.CUTS:
-                    if not fault.held:
-                        return []
-                    arrival_s = max(arrival_s, fault.end_s + LATENCY_S)
-                case FaultKind.DELAY | FaultKind.REORDER:
-                    arrival_s += fault.delay_s + fault.jitter_s * chance.random()
-                    in_order = in_order and fault.kind is FaultKind.DELAY
-                case FaultKind.DUPLICATES:
-                    while chance.random() < fault.share and len(copies) < _COPIES:
-                        copies.append(fault.delay_s * chance.random())
-                case _:
-                    pass
-        if in_order:
-            arrival_s = max(arrival_s, self._last_s.get(link, 0.0))
-            self._last_s[link] = arrival_s
-        return [arrival_s + later_s for later_s in copies]
+            if fault.on(now_s) and _concerns(fault, source, target, key):
+                drawn = f"{self._seed}/{fault.kind}/{fault.start_s}/{link}/{number}"
+                passage.pass_through(fault, random.Random(drawn))  # noqa: S311 - reproducible, no secret
+        if passage.lost:
+            return []
+        if passage.in_order:
+            passage.arrival_s = max(passage.arrival_s, self._last_s.get(link, 0.0))
+            self._last_s[link] = passage.arrival_s
+        return [passage.arrival_s + later_s for later_s in passage.copies]
 
     def cut_off(self, source: str, target: str, now_s: float) -> Fault | None:
         """Return the fault that parts two processes at present; None where nothing does."""
@@ -76,6 +63,32 @@ _KINDS = {
 }
 _COPIES = 4
 """Most copies of a message; a plain choice."""
+
+
+@dataclass
+class _Passage:
+    """A message on its way: when it arrives [s], whether no other overtakes it, and how much later its copies come."""
+
+    arrival_s: float
+    in_order: bool = True
+    lost: bool = False
+    copies: list[float] = field(default_factory=lambda: [0.0])
+
+    def pass_through(self, fault: Fault, chance: random.Random) -> None:
+        """Let a fault that lasts do to it what it does."""
+        match fault.kind:
+            case FaultKind.LOSS | FaultKind.BURSTS:
+                self.lost |= chance.random() < fault.share
+            case FaultKind.CUTS if fault.held:
+                self.arrival_s = max(self.arrival_s, fault.end_s + LATENCY_S)
+            case FaultKind.CUTS:
+                self.lost = True
+            case FaultKind.DUPLICATES:
+                while chance.random() < fault.share and len(self.copies) < _COPIES:
+                    self.copies.append(fault.delay_s * chance.random())
+            case _:
+                self.arrival_s += fault.delay_s + fault.jitter_s * chance.random()
+                self.in_order &= fault.kind is FaultKind.DELAY
 
 
 def _parts(fault: Fault, source: str, target: str) -> bool:

@@ -23,12 +23,16 @@ _DELAY_S = 0.75
 """Longest delay of a message [s], constant and random part together."""
 _STOP_S = (0.1, 12.0)
 _RESTART_S = (2.0, 10.0)
+_LIES_S = (2.0, 12.0)
+_LAG_PERIODS = (1.0, 15.0)
 _STEP_S = 3600.0
 _DRIFT = 5e-5
 """Rates of monotonic clocks differ from true time by up to this: as crystals do."""
+_CONTROLLER_DIES = 0.25
 _MIXED_SHARE = 0.35
-"""Share of flights with faults of several kinds, where several are asked for. All of these are plain choices, from what
-the scoreboard asks for."""
+FOR_GOOD_S = 1e6
+"""Ranges of durations, probabilities and amounts, FOR_GOOD_S of what lasts for the whole flight: plain choices, around
+what the scoreboard in docs/reliability.md asks for."""
 
 
 def nominal_s(mission: Mission) -> float:
@@ -65,55 +69,98 @@ class _Pencil:
 
     def faults(self, kind: FaultKind) -> list[Fault]:
         """Return the faults of a kind: one or several."""
-        chance = self._chance
-        match kind:
-            case FaultKind.LOSS:
-                return [Fault(kind, 0.0, self._for_good, share=chance.uniform(0.05, _LOSS_MAX))]
-            case FaultKind.DELAY:
-                constant = chance.uniform(0.0, _DELAY_S)
-                return [self._delay(kind, constant, chance.uniform(0.0, _DELAY_S - constant))]
-            case FaultKind.REORDER:
-                return [self._delay(kind, 0.0, chance.uniform(0.05, _DELAY_S))]
-            case FaultKind.DUPLICATES:
-                share, later_s = chance.uniform(0.1, 0.9), chance.choice((0.0, 0.1, 2.0))
-                return [Fault(kind, 0.0, self._for_good, share=share, delay_s=later_s)]
-            case FaultKind.CLOCKS:
-                return [self._step(name) for name in (*self._ids, CONTROLLER)]
-            case FaultKind.DEATHS:
-                return [Fault(kind, self._when(), targets=(name,), way="at once") for name in self._mortal()]
-            case FaultKind.DISK:
-                return self._disk()
-            case _:
-                return [self._one(kind) for _ in range(chance.choice((1, 1, 2, 3)))]
+        together = {
+            FaultKind.LOSS: self._loss,
+            FaultKind.DELAY: self._delay,
+            FaultKind.REORDER: self._reorder,
+            FaultKind.DUPLICATES: self._duplicates,
+            FaultKind.CLOCKS: self._clocks,
+            FaultKind.DEATHS: self._deaths,
+            FaultKind.DISK: self._disk,
+        }
+        single = {
+            FaultKind.BURSTS: self._burst,
+            FaultKind.CUTS: self._cut,
+            FaultKind.STOPS: self._stop,
+            FaultKind.RESTARTS: self._restart,
+            FaultKind.SLOW: self._slow,
+            FaultKind.FROZEN: self._frozen,
+            FaultKind.TWINS: self._twin,
+            FaultKind.SOLVER: self._solver,
+        }
+        if kind in together:
+            return together[kind]()
+        return [single[kind]() for _ in range(self._chance.choice((1, 1, 2, 3)))]
 
-    def _one(self, kind: FaultKind) -> Fault:
-        chance, start_s = self._chance, self._when()
-        match kind:
-            case FaultKind.BURSTS:
-                some = tuple(chance.sample(self._ids, chance.randint(1, min(2, len(self._ids)))))
-                way = chance.choice(("state", "plan", "both"))
-                return Fault(kind, start_s, chance.uniform(*_BURST_S), some, way=way)
-            case FaultKind.CUTS:
-                half_open, waits = chance.random() < 0.4, chance.random() < 0.3  # noqa: PLR2004 - plain choices
-                whom = (chance.choice((*self._ids, *self._ids, CONTROLLER)),)
-                return Fault(kind, start_s, chance.uniform(*_CUT_S), whom, held=waits, keeps_token=half_open)
-            case FaultKind.STOPS:
-                whom = (chance.choice((*self._ids, *self._ids, CONTROLLER)),)
-                waits, keeps = chance.random() < 0.5, chance.random() < 0.5  # noqa: PLR2004 - likewise
-                return Fault(kind, start_s, chance.uniform(*_STOP_S), whom, held=waits, keeps_token=keeps)
-            case FaultKind.RESTARTS:
-                whom = (chance.choice((*self._ids, CONTROLLER, CONTROLLER)),)
-                way = chance.choice(("at once", "publishing"))
-                return Fault(kind, start_s, chance.uniform(*_RESTART_S), whom, chance.random(), way=way)
-            case FaultKind.SLOW:
-                whom = (chance.choice((*self._ids, CONTROLLER)),)
-                lag_s = chance.uniform(1.0, 15.0) * self._state_period_s
-                return Fault(kind, start_s, chance.uniform(2.0, 15.0), whom, delay_s=lag_s)
-            case FaultKind.FROZEN | FaultKind.TWINS:
-                return Fault(kind, start_s, chance.uniform(2.0, 10.0), (chance.choice(self._ids),))
-            case _:
-                way, late_s = chance.choice(SOLVER_FAULTS), chance.uniform(0.5, 10.0) * self._period_s
-                return Fault(kind, start_s, chance.uniform(0.0, 4.0) + self._period_s, way=way, delay_s=late_s)
+    def _burst(self) -> Fault:
+        some = tuple(self._chance.sample(self._ids, self._chance.randint(1, min(2, len(self._ids)))))
+        way = self._chance.choice(("state", "plan", "both"))
+        return Fault(FaultKind.BURSTS, self._when(), self._chance.uniform(*_BURST_S), some, way=way)
+
+    def _cut(self) -> Fault:
+        whom, lasts_s = self._anyone(), self._chance.uniform(*_CUT_S)
+        waits, half_open = self._perhaps(), self._perhaps()
+        return Fault(FaultKind.CUTS, self._when(), lasts_s, whom, held=waits, keeps_token=half_open)
+
+    def _stop(self) -> Fault:
+        whom, lasts_s = self._anyone(), self._chance.uniform(*_STOP_S)
+        waits, keeps = self._perhaps(), self._perhaps()
+        return Fault(FaultKind.STOPS, self._when(), lasts_s, whom, held=waits, keeps_token=keeps)
+
+    def _restart(self) -> Fault:
+        whom = (self._chance.choice((*self._ids, CONTROLLER, CONTROLLER)),)
+        way, share = self._chance.choice(("at once", "publishing")), self._chance.random()
+        return Fault(FaultKind.RESTARTS, self._when(), self._chance.uniform(*_RESTART_S), whom, share, way=way)
+
+    def _slow(self) -> Fault:
+        whom = (self._chance.choice((*self._ids, CONTROLLER)),)
+        lag_s = self._chance.uniform(*_LAG_PERIODS) * self._state_period_s
+        return Fault(FaultKind.SLOW, self._when(), self._chance.uniform(*_LIES_S), whom, delay_s=lag_s)
+
+    def _frozen(self) -> Fault:
+        whom = (self._chance.choice(self._ids),)
+        return Fault(FaultKind.FROZEN, self._when(), self._chance.uniform(*_LIES_S), whom)
+
+    def _twin(self) -> Fault:
+        whom = (self._chance.choice(self._ids),)
+        return Fault(FaultKind.TWINS, self._when(), self._chance.uniform(*_LIES_S), whom)
+
+    def _solver(self) -> Fault:
+        way, late_s = self._chance.choice(SOLVER_FAULTS), self._chance.uniform(0.5, 10.0) * self._period_s
+        lasts_s = self._chance.uniform(1.0, 8.0) * self._period_s
+        return Fault(FaultKind.SOLVER, self._when(), lasts_s, way=way, delay_s=late_s)
+
+    def _loss(self) -> list[Fault]:
+        return [Fault(FaultKind.LOSS, 0.0, FOR_GOOD_S, share=self._chance.uniform(0.05, _LOSS_MAX))]
+
+    def _delay(self) -> list[Fault]:
+        constant_s = self._chance.uniform(0.0, _DELAY_S)
+        return [self._late(FaultKind.DELAY, constant_s, self._chance.uniform(0.0, _DELAY_S - constant_s))]
+
+    def _reorder(self) -> list[Fault]:
+        return [self._late(FaultKind.REORDER, 0.0, self._chance.uniform(0.05, _DELAY_S))]
+
+    def _late(self, kind: FaultKind, constant_s: float, random_s: float) -> Fault:
+        begin_s = 0.0 if self._perhaps() else self._when()
+        whom = () if self._perhaps() else (self._chance.choice(self._ids),)
+        return Fault(kind, begin_s, FOR_GOOD_S, whom, delay_s=constant_s, jitter_s=random_s)
+
+    def _duplicates(self) -> list[Fault]:
+        share, later_s = self._chance.uniform(0.1, 0.9), self._chance.choice((0.0, 0.1, 2.0))
+        return [Fault(FaultKind.DUPLICATES, 0.0, FOR_GOOD_S, share=share, delay_s=later_s)]
+
+    def _clocks(self) -> list[Fault]:
+        steps_s = {name: self._chance.choice((-_STEP_S, _STEP_S)) for name in (*self._ids, CONTROLLER)}
+        return [
+            Fault(FaultKind.CLOCKS, self._when(), targets=(name,), delay_s=step_s, jitter_s=_DRIFT)
+            for name, step_s in steps_s.items()
+        ]
+
+    def _deaths(self) -> list[Fault]:
+        """Return who dies for good: the controller, or agents of which one is left."""
+        agents = self._chance.sample(self._ids, self._chance.randint(1, max(1, len(self._ids) - 1)))
+        mortal = [CONTROLLER] if self._chance.random() < _CONTROLLER_DIES else agents
+        return [Fault(FaultKind.DEATHS, self._when(), targets=(name,), way="at once") for name in mortal]
 
     def _disk(self) -> list[Fault]:
         """Return a disk that fails, and a restart of the controller meanwhile or later, which needs it."""
@@ -125,24 +172,12 @@ class _Pencil:
             Fault(FaultKind.RESTARTS, dies_s, self._chance.uniform(*_RESTART_S), (CONTROLLER,), way="at once"),
         ]
 
-    def _delay(self, kind: FaultKind, constant_s: float, random_s: float) -> Fault:
-        begin_s = 0.0 if self._chance.random() < 0.5 else self._when()  # noqa: PLR2004 - a plain choice
-        whom = () if self._chance.random() < 0.5 else (self._chance.choice(self._ids),)  # noqa: PLR2004 - likewise
-        return Fault(kind, begin_s, self._for_good, whom, delay_s=constant_s, jitter_s=random_s)
+    def _anyone(self) -> tuple[str]:
+        """Return the name of a process; agents are twice as likely as the controller."""
+        return (self._chance.choice((*self._ids, *self._ids, CONTROLLER)),)
 
-    def _step(self, name: str) -> Fault:
-        step_s = self._chance.choice((-_STEP_S, _STEP_S))
-        return Fault(FaultKind.CLOCKS, self._when(), targets=(name,), delay_s=step_s, jitter_s=_DRIFT)
-
-    def _mortal(self) -> list[str]:
-        """Return who dies for good: the controller, or agents of which one is left."""
-        if self._chance.random() < 0.25:  # noqa: PLR2004 - a plain choice
-            return [CONTROLLER]
-        return self._chance.sample(self._ids, self._chance.randint(1, max(1, len(self._ids) - 1)))
+    def _perhaps(self) -> bool:
+        return bool(self._chance.getrandbits(1))
 
     def _when(self) -> float:
         return self._chance.uniform(0.5, self._lasts_s)
-
-    @property
-    def _for_good(self) -> float:
-        return 1e6

@@ -6,6 +6,8 @@ from enum import StrEnum
 
 import msgspec
 
+LASTING_S = 1000.0
+"""Faults that last longer do so for the whole flight [s]; a plain choice."""
 CONTROLLER = "controller"
 """Name of the controller's process among those that faults strike; agents go by their ids."""
 
@@ -18,7 +20,7 @@ class FaultKind(StrEnum):
     BURSTS = "bursts"
     """All states or plans of some agents are lost for seconds."""
     CUTS = "cuts"
-    """One process is cut off, both ways; it may keep its liveliness token, and messages may wait instead of being lost."""
+    """One process is cut off, both ways; it may keep its token, and messages may wait instead of being lost."""
     DELAY = "delay"
     """Messages are delayed, by constant and random times, in their order."""
     REORDER = "reorder"
@@ -104,7 +106,9 @@ class Fault(msgspec.Struct, frozen=True):
         """The fault in a line, for people."""
         whom = ", ".join(self.targets) or "everyone"
         parts = [f"{self.kind} of {whom} at {self.start_s:.2f} s"]
-        if self.duration_s:
+        if self.duration_s > LASTING_S:
+            parts.append("from then on")
+        elif self.duration_s:
             parts.append(f"for {self.duration_s:.2f} s")
         if self.way != "both":
             parts.append(self.way)

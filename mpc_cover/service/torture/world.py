@@ -31,7 +31,7 @@ from mpc_cover.service.torture.processes import Process
 from mpc_cover.service.torture.virtual_time import VirtualTime
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from mpc_cover.arrays import BoolArray
     from mpc_cover.mission.load import Mission
