@@ -25,7 +25,7 @@ MIXED = "mixed"
 """Kind of a flight with faults of several kinds."""
 CLEAN_SEED = -1
 """Stands for the flight without faults, with which the others are compared."""
-_LIMIT_FACTOR, _LIMIT_MORE_S = 8.0, 90.0
+_LIMIT_FACTOR, _LIMIT_MORE_S = 5.0, 40.0
 """A flight ends after so many times about what it takes without faults, and so much longer [s]; plain choices."""
 _SHORTEST_S = 0.05
 """Faults are not shrunk below this duration [s]; a plain choice, about half a state period."""
