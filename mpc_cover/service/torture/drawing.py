@@ -77,6 +77,7 @@ class _Pencil:
             FaultKind.CLOCKS: self._clocks,
             FaultKind.DEATHS: self._deaths,
             FaultKind.DISK: self._disk,
+            FaultKind.TAKEOVERS: self._takeover,
         }
         single = {
             FaultKind.BURSTS: self._burst,
@@ -111,6 +112,10 @@ class _Pencil:
         whom = (self._chance.choice((*self._ids, CONTROLLER, CONTROLLER)),)
         way, share = self._chance.choice(("at once", "publishing")), self._chance.random()
         return Fault(FaultKind.RESTARTS, self._when(), self._chance.uniform(*_RESTART_S), whom, share, way=way)
+
+    def _takeover(self) -> list[Fault]:
+        lasts_s = self._chance.uniform(*_STOP_S)
+        return [Fault(FaultKind.TAKEOVERS, self._when(), lasts_s, (CONTROLLER,), held=self._perhaps())]
 
     def _slow(self) -> Fault:
         whom = (self._chance.choice((*self._ids, CONTROLLER)),)

@@ -35,6 +35,8 @@ class FaultKind(StrEnum):
     """A process is stopped (SIGSTOP) and continued: nothing of it runs, and messages wait for it, or are lost."""
     RESTARTS = "restarts"
     """A process dies and is started again; an agent where it stands, a controller from its checkpoint."""
+    TAKEOVERS = "takeovers"
+    """The controller is stopped, another one takes over from what it kept, and the first is continued."""
     SLOW = "slow"
     """A process runs late at each of its ticks."""
     FROZEN = "frozen"
@@ -54,6 +56,7 @@ LINK_KINDS = frozenset(
         FaultKind.DEATHS,
         FaultKind.STOPS,
         FaultKind.RESTARTS,
+        FaultKind.TAKEOVERS,
         FaultKind.FROZEN,
         FaultKind.TWINS,
     }

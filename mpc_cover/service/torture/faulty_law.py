@@ -20,8 +20,12 @@ if TYPE_CHECKING:
     from mpc_cover.planning.budget import Budget
     from mpc_cover.service.torture.processes import Process
 
-SOLVER_FAULTS = ("raises", "nan", "infinite", "collides", "too fast", "elsewhere", "no proposal", "late")
+SOLVER_FAULTS = ("raises", "nan", "infinite", "collides", "scatters", "too fast", "elsewhere", "no proposal", "late")
 """What a control law with a faulty solver does."""
+
+
+_SCATTER = 2.0
+"""How many times farther from their middle a fleet scatters; a plain choice."""
 
 
 class SolverError(Exception):
@@ -102,14 +106,16 @@ def _spoilt(way: str, plan: Trajectory, state: FleetState) -> Trajectory:
             return state.trajectory(2.0 * plan.velocity[1:], plan.period)
         case "elsewhere":
             return replace(plan, position=plan.position + 0.5)
+        case "scatters":
+            return _drawn(plan, state, -_SCATTER)
         case _:
-            return _meeting(plan, state)
+            return _drawn(plan, state, 1.0)
 
 
-def _meeting(plan: Trajectory, state: FleetState) -> Trajectory:
-    """Return a motion of the same length in which all meet in the middle: what no verifier may pass."""
+def _drawn(plan: Trajectory, state: FleetState, share: float) -> Trajectory:
+    """Return a motion as long as the plan in which all go a share of the way to their middle, or away from it."""
     steps = plan.steps
-    share = np.minimum(np.arange(1, steps + 1), np.arange(steps - 1, -1, -1)).astype(float)
-    way = state.position.mean(axis=0) - state.position
-    later = share[:, None, None] / max(share.sum(), 1.0) * way / plan.period
+    rises = np.minimum(np.arange(1, steps + 1), np.arange(steps - 1, -1, -1)).astype(float)
+    way = share * (state.position.mean(axis=0) - state.position)
+    later = rises[:, None, None] / max(rises.sum(), 1.0) * way / plan.period
     return state.trajectory(later, plan.period)

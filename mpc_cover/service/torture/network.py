@@ -47,14 +47,14 @@ class SimulatedNetwork:
     Attributes
     ----------
     lost : messages that never arrived.
-    stopped_lose : whether messages to a stopped process are lost instead of waiting for it, by name.
+    stopped_lose : processes to which messages are lost while they are stopped, instead of waiting for them.
     rewrite : changes payloads as they are sent, from a process's name, key and payload.
     """
 
     def __init__(self, time: VirtualTime, channel: Channel) -> None:
         self.time, self.channel = time, channel
         self.lost = self.delivered = 0
-        self.stopped_lose: set[str] = set()
+        self.stopped_lose: set[Process] = set()
         self.rewrite: Callable[[str, str, bytes], bytes] = lambda name, key, payload: payload  # noqa: ARG005
         self._trace = hashlib.sha256()
         self._transports: list[SimulatedTransport] = []
@@ -189,7 +189,7 @@ class SimulatedNetwork:
 
     def _arrive(self, target: _Subscription, key: str, payload: bytes) -> None:
         process = target.owner.process
-        if not process.alive or (process.stopped and process.name in self.stopped_lose):
+        if not process.alive or (process.stopped and process in self.stopped_lose):
             self.lost += 1
             return
         self._note("arrived", process.name, key, payload)

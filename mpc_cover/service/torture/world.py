@@ -6,12 +6,15 @@ import hashlib
 import json
 import math
 import random
+import shutil
 import tempfile
 import time as time_module
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from mpc_cover.control.factory import make_control_law
 from mpc_cover.planning.budget import Budget
@@ -91,7 +94,7 @@ class _World:
         self._disk = Disk(self._state_dir, faults, str(seed))
         self._events: list[str] = []
         self._processes: dict[str, Process] = {}
-        self._epochs = 0
+        self._taken_over: dict[Fault, Process] = {}
         self._full = 0
         self._crashes: list[Violation] = []
         self._last: Controller | None = None
@@ -116,7 +119,7 @@ class _World:
             return self._judge()
         finally:
             time_module.time = wall
-            for process in list(self._processes.values()):
+            for process in (*self._processes.values(), *self._taken_over.values()):
                 process.kill()
 
     def _wall(self) -> float:
@@ -175,11 +178,12 @@ class _World:
     def _start_controller(self) -> None:
         process = self._process(CONTROLLER)
         process.on_end.append(partial(self._controller_ended, process))
-        process.start(partial(self._controller, process), self._mission.spec.control.state_period_s)
+        make = partial(self._controller, process, self._state_dir)
+        process.start(make, self._mission.spec.control.state_period_s)
 
-    def _controller(self, process: Process) -> Controller:
+    def _controller(self, process: Process, state_dir: Path) -> Controller:
         mission = self._mission
-        folder = StateDirectory(self._state_dir)
+        folder = StateDirectory(state_dir)
         process.on_end.append(folder.close)
         checkpoints = FileCheckpoints(folder, mission, process.clock.now)
         resume, text = checkpoints.load()
@@ -203,6 +207,8 @@ class _World:
         return controller
 
     def _controller_ended(self, process: Process) -> None:
+        if process is not self._processes[CONTROLLER]:
+            return  # another one has taken over from it
         if process.unable:
             self._say(f"controller cannot start: {process.unable}")
             self._time.at(self._time.now_s + RETRY_S, self._start_controller)
@@ -224,6 +230,7 @@ class _World:
             FaultKind.DEATHS: (self._kill, None),
             FaultKind.RESTARTS: (self._kill, self._restart),
             FaultKind.STOPS: (self._stop, self._proceed),
+            FaultKind.TAKEOVERS: (self._take_over, self._continue_old),
             FaultKind.SLOW: (self._slow, self._fast),
             FaultKind.TWINS: (self._start_twin, self._end_twin),
             FaultKind.CLOCKS: (self._step, None),
@@ -270,15 +277,34 @@ class _World:
         for process in self._struck(fault):
             process.stop()
             if not fault.held:
-                self._network.stopped_lose.add(process.name)
+                self._network.stopped_lose.add(process)
         if not fault.keeps_token:
             self._network.begin_silence(fault.targets)
 
     def _proceed(self, fault: Fault) -> None:
         for process in self._struck(fault):
-            self._network.stopped_lose.discard(process.name)
+            self._network.stopped_lose.discard(process)
             process.proceed()
         self._network.end_silence(fault.targets)
+
+    def _take_over(self, fault: Fault) -> None:
+        """Stop the controller, and start another one on a copy of what it has on its disk."""
+        old = self._processes[CONTROLLER]
+        if not old.alive:
+            return
+        old.stop()
+        if not fault.held:
+            self._network.stopped_lose.add(old)
+        self._taken_over[fault] = old
+        copy = self._state_dir.with_name(f"state-{len(self._taken_over)}")
+        shutil.copytree(self._state_dir, copy, ignore=shutil.ignore_patterns("lock"))
+        self._state_dir = copy
+        self._start_controller()
+
+    def _continue_old(self, fault: Fault) -> None:
+        if (old := self._taken_over.get(fault)) is not None and old.alive:
+            self._network.stopped_lose.discard(old)
+            old.proceed()
 
     def _slow(self, fault: Fault) -> None:
         for process in self._struck(fault):
@@ -345,10 +371,12 @@ class _World:
         )
 
     def _claimed(self, finished: bool) -> BoolArray | None:
-        plain = self._mission.spec.information is None and len(self._mission.spec.magnitudes) == 1
-        if not finished or not plain or self._last is None:
+        """Return what the controller says to have covered: everything, when it says that it is complete."""
+        spec = self._mission.spec
+        plain = spec.information is None and len(spec.magnitudes) == 1 and spec.area.weights is None
+        if not plain or self._last is None:
             return None
-        return self._last.coverage.settled
+        return np.ones(self._mission.field.size, dtype=bool) if finished else self._last.coverage.settled
 
     def _apart(self, end_s: float) -> list[tuple[float, float]]:
         """Return when somebody may be out of range: while links are down, and until those parted have met again."""

@@ -87,7 +87,7 @@ def test_messages_to_a_stopped_process_wait_for_it_or_are_lost(lost):
     inbox = two.inbox("k", 8)
     process.stop()
     if lost:
-        net.network.stopped_lose.add("two")
+        net.network.stopped_lose.add(process)
     one.publisher("k", bus.STATE).publish(b"1")
     net.run(3.0)
     assert inbox.drain() == []

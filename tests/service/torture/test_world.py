@@ -112,3 +112,12 @@ def test_a_process_that_is_stopped_goes_on(whom):
     outcome = flown(Fault(FaultKind.STOPS, 3.0, 2.5, (whom,), held=True))
     assert outcome.finished
     assert not outcome.violations
+
+
+def test_a_controller_that_was_taken_over_finds_that_out_and_nobody_flies_its_plans():
+    fault = Fault(FaultKind.TAKEOVERS, 4.0, 3.0, (CONTROLLER,), held=True)
+    outcome = fly(small_mission(12.0), [fault], 1, limit_s=60.0)
+    assert outcome.finished
+    assert said(outcome, "controller of epoch 2 starts")
+    assert said(outcome, "a controller of epoch 2 has taken over")
+    assert not outcome.violations
