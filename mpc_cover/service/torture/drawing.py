@@ -25,6 +25,8 @@ _STOP_S = (0.1, 12.0)
 _RESTART_S = (2.0, 10.0)
 _LIES_S = (2.0, 12.0)
 _LAG_PERIODS = (1.0, 15.0)
+_LATE_PERIODS = (0.5, 10.0)
+_BROKEN_PERIODS = (1.0, 12.0)
 _STEP_S = 3600.0
 _DRIFT = 5e-5
 """Rates of monotonic clocks differ from true time by up to this: as crystals do."""
@@ -131,8 +133,9 @@ class _Pencil:
         return Fault(FaultKind.TWINS, self._when(), self._chance.uniform(*_LIES_S), whom)
 
     def _solver(self) -> Fault:
-        way, late_s = self._chance.choice(SOLVER_FAULTS), self._chance.uniform(0.5, 10.0) * self._period_s
-        lasts_s = self._chance.uniform(1.0, 8.0) * self._period_s
+        way = self._chance.choice((*SOLVER_FAULTS, "collides", "collides", "scatters"))  # the worst more often
+        late_s = self._chance.uniform(*_LATE_PERIODS) * self._period_s
+        lasts_s = self._chance.uniform(*_BROKEN_PERIODS) * self._period_s
         return Fault(FaultKind.SOLVER, self._when(), lasts_s, way=way, delay_s=late_s)
 
     def _loss(self) -> list[Fault]:

@@ -13,8 +13,10 @@ from mpc_cover.service.torture.faults import Fault, FaultKind
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.control.recovery import Mode
     from mpc_cover.information.demand import DemandMap
+    from mpc_cover.mission.fleet import Fleet
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.planning.budget import Budget
@@ -24,8 +26,8 @@ SOLVER_FAULTS = ("raises", "nan", "infinite", "collides", "scatters", "too fast"
 """What a control law with a faulty solver does."""
 
 
-_SCATTER = 2.0
-"""How many times farther from their middle a fleet scatters; a plain choice."""
+_SCATTER = 8.0
+"""How many times farther from its middle a fleet scatters, within its box; a plain choice."""
 
 
 class SolverError(Exception):
@@ -41,10 +43,11 @@ class FaultyLaw:
     process : in which it runs: it takes the virtual time that its work was counted to take.
     faults : of solvers among them, those that strike it.
     work_s : seconds of work that are counted in a second of virtual time.
+    fleet : the mission's, for the box that it stays in.
     """
 
-    def __init__(self, law: ControlLaw, process: Process, faults: Sequence[Fault], work_s: float) -> None:
-        self._law, self._process, self._work_s = law, process, work_s
+    def __init__(self, law: ControlLaw, process: Process, faults: Sequence[Fault], work_s: float, fleet: Fleet) -> None:
+        self._law, self._process, self._work_s, self._fleet = law, process, work_s, fleet
         self._faults = [fault for fault in faults if fault.kind is FaultKind.SOLVER]
         self.tolerates_losses = law.tolerates_losses
 
@@ -92,30 +95,30 @@ class FaultyLaw:
         if fault.way == "late":
             self._process.wait_until(self._process.time.now_s + fault.delay_s)
             return proposal
-        return replace(proposal, trajectory=_spoilt(fault.way, proposal.trajectory, state))
+        return replace(proposal, trajectory=self._spoilt(fault.way, proposal.trajectory, state))
+
+    def _spoilt(self, way: str, plan: Trajectory, state: FleetState) -> Trajectory:
+        """Return a trajectory that no filter may pass."""
+        middle = state.position.mean(axis=0)
+        match way:
+            case "nan":
+                return replace(plan, input=np.full_like(plan.input, np.nan))
+            case "infinite":
+                return replace(plan, velocity=np.full_like(plan.velocity, np.inf))
+            case "too fast":
+                return state.trajectory(2.0 * plan.velocity[1:], plan.period)
+            case "elsewhere":
+                return replace(plan, position=plan.position + 0.5)
+            case "scatters":
+                away = middle + _SCATTER * (state.position - middle)
+                return _to(np.clip(away, self._fleet.motion_min, self._fleet.motion_max), plan, state)
+            case _:
+                return _to(np.broadcast_to(middle, state.position.shape), plan, state)
 
 
-def _spoilt(way: str, plan: Trajectory, state: FleetState) -> Trajectory:
-    """Return a trajectory that no filter may pass."""
-    match way:
-        case "nan":
-            return replace(plan, input=np.full_like(plan.input, np.nan))
-        case "infinite":
-            return replace(plan, velocity=np.full_like(plan.velocity, np.inf))
-        case "too fast":
-            return state.trajectory(2.0 * plan.velocity[1:], plan.period)
-        case "elsewhere":
-            return replace(plan, position=plan.position + 0.5)
-        case "scatters":
-            return _drawn(plan, state, -_SCATTER)
-        case _:
-            return _drawn(plan, state, 1.0)
-
-
-def _drawn(plan: Trajectory, state: FleetState, share: float) -> Trajectory:
-    """Return a motion as long as the plan in which all go a share of the way to their middle, or away from it."""
+def _to(target: FloatArray, plan: Trajectory, state: FleetState) -> Trajectory:
+    """Return a motion as long as the plan, straight to positions (m, d) [m], at rest there."""
     steps = plan.steps
     rises = np.minimum(np.arange(1, steps + 1), np.arange(steps - 1, -1, -1)).astype(float)
-    way = share * (state.position.mean(axis=0) - state.position)
-    later = rises[:, None, None] / max(rises.sum(), 1.0) * way / plan.period
+    later = rises[:, None, None] / max(rises.sum(), 1.0) * (target - state.position) / plan.period
     return state.trajectory(later, plan.period)

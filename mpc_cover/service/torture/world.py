@@ -189,10 +189,10 @@ class _World:
         resume, text = checkpoints.load()
         epoch = folder.next_epoch()
         self._say(f"controller of epoch {epoch} starts {text}")
-        law = FaultyLaw(make_control_law(mission, self._backend, self._seed), process, self._faults, WORK_SHARE)
+        law = make_control_law(mission, self._backend, self._seed)
         controller = Controller(
             mission,
-            law,
+            FaultyLaw(law, process, self._faults, WORK_SHARE, mission.fleet),
             self._network.join(process),
             process.clock,
             epoch=epoch,
