@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class ProcessClock:
-    """The clock of one process: `now` is monotonic, with an origin and a rate of its own; `wall_s` is the wall clock.
+    """The clock of one process: monotonic, with an origin and a rate of its own; the wall clock is `step_s` off.
 
     Whoever asks for the time of a killed process gets KilledError.
     """
@@ -42,11 +42,6 @@ class ProcessClock:
     def world_s(self, time_s: float) -> float:
         """Return the virtual time at a time of the clock [s]."""
         return (time_s - self._origin_s) / self._rate
-
-    @property
-    def wall_s(self) -> float:
-        """The wall clock [s], as far as it is from the virtual time."""
-        return self._process.time.now_s + self.step_s
 
     def wait_until(self, time_s: float, stop: Event) -> bool:
         """Wait until `time_s`; return False when `stop` is set."""
@@ -170,9 +165,9 @@ class Process:
     def _run(self) -> None:
         """Give it the turn until it waits."""
         if self._turn is not None:
-            self.time.running = self
+            self.time.wall_step_s = self.clock.step_s
             self._turn.give()
-            self.time.running = None
+            self.time.wall_step_s = 0.0
 
     def _end(self) -> None:
         if not self.alive:

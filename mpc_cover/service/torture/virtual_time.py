@@ -14,15 +14,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mpc_cover.service.torture.processes import Process
-
 
 class VirtualTime:
-    """The events to come; `now_s` is the present [s], `running` the process that has the turn."""
+    """The events to come; `now_s` is the present [s], `wall_step_s` by how much whoever runs has a wrong wall clock."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
-        self.running: Process | None = None
+        self.wall_step_s = 0.0
         self._events: list[tuple[float, int, Callable[[], None]]] = []
         self._number = itertools.count()
 

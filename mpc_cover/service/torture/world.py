@@ -123,8 +123,7 @@ class _World:
                 process.kill()
 
     def _wall(self) -> float:
-        running = self._time.running
-        return running.clock.wall_s if running is not None else self._time.now_s
+        return self._time.now_s + self._time.wall_step_s
 
     # -- processes
 

@@ -9,6 +9,7 @@ class Ticking:
     def __init__(self, process: Process, work_s: float = 0.0) -> None:
         self.done = False
         self.ticks: list[float] = []
+        self.wall_steps_s: list[float] = []
         self.ended = False
         self._process, self._work_s = process, work_s
         self.next_time = process.clock.now()
@@ -20,6 +21,7 @@ class Ticking:
         if self._work_s:
             self._process.wait_until(self._process.time.now_s + self._work_s)
         self.ticks.append(round(self._process.time.now_s, 9))
+        self.wall_steps_s.append(self._process.time.wall_step_s)
         self.next_time += 1.0
 
     def shutdown(self) -> None:
