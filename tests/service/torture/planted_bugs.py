@@ -20,6 +20,7 @@ from unittest import mock
 
 import numpy as np
 
+from mpc_cover.control import planning_constraints, safety_filter
 from mpc_cover.control.safety_filter import SafetyFilter, Verdict
 from mpc_cover.information.coverage_map import CoverageMap
 from mpc_cover.mission.load import Mission, build_mission
@@ -28,7 +29,7 @@ from mpc_cover.service.agent import plan_filter
 from mpc_cover.service.agent.agent import Agent
 from mpc_cover.service.agent.plan_filter import Authority
 from mpc_cover.service.agent.schedule import Plant, Schedule
-from mpc_cover.service.controller import control_step
+from mpc_cover.service.controller import control_step, failure_detector
 from mpc_cover.service.controller.completion import Completion
 from mpc_cover.service.controller.failure_detector import FailureDetector, FailureMode
 from mpc_cover.service.controller.fleet_monitor import AgentLink, FleetMonitor
@@ -67,17 +68,19 @@ def _mission(name: str, size: tuple[float, float], starts: list[list[float]], re
 
 MISSION = _mission("tiny-3", (5.0, 5.0), [[0.75, 0.5], [2.25, 0.5], [1.5, 1.5]], 3.0)
 """Three agents in a crowded square: about six seconds of flight."""
+TIGHT = _mission("tight-3", (6.0, 6.0), [[0.75, 0.5], [2.25, 0.5], [1.5, 1.5]], 2.0)
+"""The same with a range that is used up most of the time."""
 
 Patch = Callable[[], list[mock._patch]]
-BUGS: dict[str, tuple[Patch, tuple[FaultKind, ...]]] = {}
+BUGS: dict[str, tuple[Patch, tuple[FaultKind, ...], Mission]] = {}
 K = FaultKind
 
 
-def bug(*kinds: FaultKind) -> Callable[[Patch], Patch]:
-    """Register a planted bug under its function's name, with the kinds of faults under which it is looked for."""
+def bug(*kinds: FaultKind, mission: Mission = MISSION) -> Callable[[Patch], Patch]:
+    """Register a planted bug under its function's name, with faults and mission under which it is looked for."""
 
     def registered(patch: Patch) -> Patch:
-        BUGS[patch.__name__] = patch, kinds
+        BUGS[patch.__name__] = patch, kinds, mission
         return patch
 
     return registered
@@ -110,7 +113,7 @@ def separation_is_not_verified() -> list[mock._patch]:
     return [_filter_without(separation_min=0.0)]
 
 
-@bug(K.SOLVER)
+@bug(K.SOLVER, mission=TIGHT)
 def range_is_not_verified() -> list[mock._patch]:
     return [_filter_without(communication_range=np.inf)]
 
@@ -126,24 +129,25 @@ def a_refused_plan_is_sent_all_the_same() -> list[mock._patch]:
     return [put(SafetyFilter, "admit", lenient)]
 
 
-@bug(K.LOSS, K.DELAY, K.CUTS, K.BURSTS)
-def bounds_are_eased_to_what_any_motion_attains() -> list[mock._patch]:
-    """Whatever the present state, half the separation and twice the range are enough."""
-    return [_filter_easing()]
+def _fleet_with(change: Callable[[object], dict]) -> list[mock._patch]:
+    """Planner and verifier read another fleet out of the mission."""
+    right = safety_filter.tightened
+
+    def wrong(mission: Mission) -> object:
+        fleet = right(mission)
+        return replace(fleet, **change(fleet))
+
+    return [put(safety_filter, "tightened", wrong), put(planning_constraints, "tightened", wrong)]
 
 
-def _filter_easing() -> mock._patch:
-    bounds = SafetyFilter._bounds
+@bug(K.DUPLICATES, K.CUTS)
+def half_the_separation_is_asked_for() -> list[mock._patch]:
+    return _fleet_with(lambda fleet: {"separation_min": 0.3 * fleet.separation_min})
 
-    def eased(self: SafetyFilter, state: object, incumbent: object) -> object:
-        fleet = self._fleet
-        self._fleet = replace(fleet, separation_min=0.3 * fleet.separation_min)
-        try:
-            return bounds(self, state, incumbent)
-        finally:
-            self._fleet = fleet
 
-    return put(SafetyFilter, "_bounds", eased)
+@bug(K.DUPLICATES, K.CUTS, mission=TIGHT)
+def the_range_is_taken_for_more() -> list[mock._patch]:
+    return _fleet_with(lambda fleet: {"communication_range": 1.4 * fleet.communication_range})
 
 
 def _message(change: Callable[[dict, int], dict]) -> mock._patch:
@@ -418,6 +422,28 @@ def a_plan_that_comes_late_is_flown_from_its_first_sample() -> list[mock._patch]
     return [put(Agent, "_adopt", adopt), *_not_checking("check_time")]
 
 
+@bug(K.RESTARTS)
+def a_restarted_agent_thinks_to_be_at_the_missions_start() -> list[mock._patch]:
+    make = agent_module.make_vehicle
+    return [put(agent_module, "make_vehicle", lambda *given: make(*given[:5]))]
+
+
+@bug(K.BURSTS, K.LOSS, K.CUTS)
+def every_plan_is_thought_to_be_taken_up() -> list[mock._patch]:
+    schedule = PlanPublisher.schedule
+
+    def believed(self: PlanPublisher, index: int, link: AgentLink) -> Schedule:
+        sent = self._sent[index]
+        return Schedule(float(self._input_max[index]), sent[-1].plan) if sent else schedule(self, index, link)
+
+    return [put(PlanPublisher, "schedule", believed)]
+
+
+@bug(K.CUTS, K.STOPS)
+def who_is_silent_is_never_lost() -> list[mock._patch]:
+    return [put(failure_detector, "SILENT_PART", 1e3), put(failure_detector, "TOKEN_LOST_PERIODS", 1e3)]
+
+
 # -- clocks and states
 
 
@@ -478,6 +504,11 @@ def missions_are_complete_before_everything_is_measured() -> list[mock._patch]:
     return [put(Completion, "nothing_left", nothing_left)]
 
 
+@bug(K.RESTARTS, K.DISK)
+def a_checkpoint_is_read_as_if_everything_were_covered() -> list[mock._patch]:
+    return [put(CoverageMap, "restore", lambda self, state: self.first.fill(0.0))]
+
+
 @bug(K.DEATHS, K.RESTARTS)
 def what_is_planned_counts_as_measured() -> list[mock._patch]:
     publish = PlanPublisher.publish
@@ -524,22 +555,23 @@ class Catch:
 
 
 @cache
-def clean(kind: FaultKind, seed: int) -> bool:
+def clean(mission: Mission, kind: FaultKind, seed: int) -> bool:
     """Return whether nothing is violated in a flight without a planted bug."""
-    _, faults = draw(MISSION, [kind], seed)
-    return not fly(MISSION, faults, seed, limit_s=LIMIT_S).violations
+    _, faults = draw(mission, [kind], seed)
+    return not fly(mission, faults, seed, limit_s=LIMIT_S).violations
 
 
 def caught(name: str, seeds: int = SEEDS) -> Catch | None:
     """Return the first flight that shows a bug, of so many of each kind; None where there is none."""
     flights = 0
+    _, kinds, mission = BUGS[name]
     for seed in range(seeds):
-        for kind in BUGS[name][1]:
-            _, faults = draw(MISSION, [kind], seed)
+        for kind in kinds:
+            _, faults = draw(mission, [kind], seed)
             with planted(name):
                 flights += 1
-                outcome = fly(MISSION, faults, seed, limit_s=LIMIT_S)
-            if outcome.violations and clean(kind, seed):
+                outcome = fly(mission, faults, seed, limit_s=LIMIT_S)
+            if outcome.violations and clean(mission, kind, seed):
                 return Catch(kind, seed, outcome.violations[0].line[:100], flights)
     return None
 
