@@ -29,6 +29,9 @@ SOLVER_FAULTS = ("raises", "nan", "infinite", "collides", "scatters", "too fast"
 _SCATTER = 8.0
 """How many times farther from its middle a fleet scatters, within its box; a plain choice."""
 
+_SPEED_SHARE = 0.6
+"""Part of the speed limit that such a motion adds to braking; a plain choice."""
+
 
 class SolverError(Exception):
     """What a law raises whose solver fails."""
@@ -99,26 +102,33 @@ class FaultyLaw:
 
     def _spoilt(self, way: str, plan: Trajectory, state: FleetState) -> Trajectory:
         """Return a trajectory that no filter may pass."""
-        middle = state.position.mean(axis=0)
+        middle, slowest = state.position.mean(axis=0), float(self._fleet.speed_max.min())
         match way:
             case "nan":
                 return replace(plan, input=np.full_like(plan.input, np.nan))
             case "infinite":
                 return replace(plan, velocity=np.full_like(plan.velocity, np.inf))
             case "too fast":
-                return state.trajectory(2.0 * plan.velocity[1:], plan.period)
+                later = np.zeros_like(plan.velocity[1:])
+                later[: (plan.steps - 1) // 2] = 2.0 * plan.velocity[2::2][: (plan.steps - 1) // 2]
+                return state.trajectory(later, plan.period)
             case "elsewhere":
                 return replace(plan, position=plan.position + 0.5)
             case "scatters":
                 away = middle + _SCATTER * (state.position - middle)
-                return _to(np.clip(away, self._fleet.motion_min, self._fleet.motion_max), plan, state)
+                return _to(np.clip(away, self._fleet.motion_min, self._fleet.motion_max), plan, state, slowest)
             case _:
-                return _to(np.broadcast_to(middle, state.position.shape), plan, state)
+                return _to(np.broadcast_to(middle, state.position.shape), plan, state, slowest)
 
 
-def _to(target: FloatArray, plan: Trajectory, state: FleetState) -> Trajectory:
-    """Return a motion as long as the plan, straight to positions (m, d) [m], at rest there."""
-    steps = plan.steps
-    rises = np.minimum(np.arange(1, steps + 1), np.arange(steps - 1, -1, -1)).astype(float)
-    later = rises[:, None, None] / max(rises.sum(), 1.0) * (target - state.position) / plan.period
-    return state.trajectory(later, plan.period)
+def _to(target: FloatArray, plan: Trajectory, state: FleetState, speed_max: float) -> Trajectory:
+    """Return a motion as long as the plan, towards positions (m, d) [m] and to rest, no faster than agents can fly."""
+    number = np.arange(1, plan.steps + 1)
+    braking = (1.0 - number / plan.steps)[:, None, None] * state.velocity
+    stop = state.trajectory(braking, plan.period).position[-1]
+    rises = np.minimum(number, plan.steps - number).astype(float)
+    share = rises / max(rises.sum(), 1.0) / plan.period
+    way = target - stop
+    longest = np.linalg.norm(way, axis=1).max() * share.max()
+    way *= min(1.0, _SPEED_SHARE * speed_max / longest) if longest > 0.0 else 1.0
+    return state.trajectory(braking + share[:, None, None] * way, plan.period)

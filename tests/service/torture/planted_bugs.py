@@ -49,14 +49,16 @@ SEEDS = 16
 LIMIT_S = 90.0
 
 
-def _mission(name: str, size: tuple[float, float], starts: list[list[float]], reach: float) -> Mission:
+def _mission(
+    name: str, size: tuple[float, float], starts: list[list[float]], reach: float, radius: float = 0.8
+) -> Mission:
     agents = [{"id": f"a{number}", "start_m": at} for number, at in enumerate(starts, 1)]
     raw = {
         "schema": 1,
         "name": name,
         "area": {"shape": {"kind": "box", "min_m": [0.0, 0.0], "max_m": list(size)}, "cell_size_m": 0.5},
         "fleet": {
-            "defaults": {"sensing_radius_m": 0.8, "input_max_m_per_s2": 1.5, "speed_max_m_per_s": 1.5},
+            "defaults": {"sensing_radius_m": radius, "input_max_m_per_s2": 1.5, "speed_max_m_per_s": 1.5},
             "agents": agents,
             "separation_min_m": 0.5,
             "communication_range_m": reach,
@@ -70,6 +72,11 @@ MISSION = _mission("tiny-3", (5.0, 5.0), [[0.75, 0.5], [2.25, 0.5], [1.5, 1.5]],
 """Three agents in a crowded square: about six seconds of flight."""
 TIGHT = _mission("tight-3", (6.0, 6.0), [[0.75, 0.5], [2.25, 0.5], [1.5, 1.5]], 2.0)
 """The same with a range that is used up most of the time."""
+
+CROWD = _mission("crowd-4", (4.0, 4.0), [[0.5, 0.5], [1.5, 0.5], [2.5, 0.5], [1.0, 1.5]], 5.0, radius=0.5)
+"""Four agents that meet all the time."""
+LONG = _mission("long-3", (9.0, 9.0), [[0.75, 0.5], [2.25, 0.5], [1.5, 1.5]], 4.0)
+"""Long enough for another controller to take over."""
 
 Patch = Callable[[], list[mock._patch]]
 BUGS: dict[str, tuple[Patch, tuple[FaultKind, ...], Mission]] = {}
@@ -229,11 +236,6 @@ def agents_get_each_others_plans() -> list[mock._patch]:
     return [put(PlanPublisher, "publish", crossed)]
 
 
-@bug(K.RESTARTS)
-def plans_for_an_agents_former_life_are_remembered() -> list[mock._patch]:
-    return [put(PlanPublisher, "forget", lambda self, index: None)]
-
-
 @bug(K.LOSS, K.BURSTS, K.DELAY)
 def plans_that_were_sent_since_a_report_are_forgotten() -> list[mock._patch]:
     return [
@@ -256,7 +258,7 @@ def lost_agents_are_no_obstacles() -> list[mock._patch]:
     return [put(FleetSupervisor, "_rest_of", elsewhere), put(FleetSupervisor, "_stopping_motion", lambda *given: None)]
 
 
-@bug(K.CUTS, K.STOPS, K.BURSTS)
+@bug(K.CUTS, K.STOPS, K.BURSTS, mission=CROWD)
 def the_way_of_a_silent_agent_is_no_obstacle() -> list[mock._patch]:
     return [put(FleetSupervisor, "_stopping_motion", lambda self, index, origin_s: None)]
 
@@ -282,7 +284,7 @@ def lost_links_are_taken_for_deaths() -> list[mock._patch]:
     return [_modes(FailureMode.PROCESS_DIED)]
 
 
-@bug(K.DEATHS)
+@bug(K.DEATHS, mission=CROWD)
 def deaths_are_taken_for_lost_links() -> list[mock._patch]:
     """Who died is thought to fly its plan to the end, and brakes at once."""
     return [_modes(FailureMode.LINK_LOST)]
@@ -298,7 +300,7 @@ def nobody_is_ever_lost() -> list[mock._patch]:
     return [put(FailureDetector, "newly_lost", lambda self, now_s: {})]
 
 
-@bug(K.CUTS, K.STOPS, K.BURSTS)
+@bug(K.CUTS, K.STOPS, K.BURSTS, mission=CROWD)
 def lost_agents_are_back_while_they_move() -> list[mock._patch]:
     not_ready = FleetMonitor.not_ready
 
@@ -314,7 +316,7 @@ def lost_agents_are_back_at_their_last_word() -> list[mock._patch]:
     return [put(FailureDetector, "recovered", lambda self, now_s, patience_s: list(self.lost))]
 
 
-@bug(K.DEATHS)
+@bug(K.DEATHS, mission=CROWD)
 def the_dead_stop_where_they_were_heard_last() -> list[mock._patch]:
     def at_once(self: StatePredictor, index: int, link: AgentLink, time_s: float, died_s: float) -> object:
         return resting(link.measured()[0])
@@ -328,7 +330,7 @@ def the_dead_stop_where_they_were_heard_last() -> list[mock._patch]:
 # -- what agents take
 
 
-@bug(K.TAKEOVERS)
+@bug(K.TAKEOVERS, mission=LONG)
 def old_epochs_are_accepted() -> list[mock._patch]:
     def check(self: Authority, message: object) -> None:
         return None
@@ -348,7 +350,7 @@ def sequence_numbers_of_plans_are_ignored() -> list[mock._patch]:
     return [put(Authority, "check", check), *_not_checking("check_time", "check_start")]
 
 
-@bug(K.LOSS, K.BURSTS, K.REORDER)
+@bug(K.LOSS, K.DELAY, K.SLOW, K.STOPS, mission=CROWD)
 def plans_that_start_elsewhere_are_flown() -> list[mock._patch]:
     return _not_checking("check_start")
 
@@ -376,18 +378,13 @@ def _loose_limits() -> list[mock._patch]:
 
 
 @bug(K.LOSS, K.REORDER)
-def newer_plans_are_appended_instead_of_replacing_later_ones() -> list[mock._patch]:
-    def add(self: Schedule, plan: object) -> None:
-        self.queue = tuple(sorted((*self.queue, plan), key=lambda each: each.motion.start_time, reverse=True))
-
-    return [put(Agent, "_adopt", _adopting_with(add))]
-
-
-def _adopting_with(add: Callable) -> Callable:
+def every_third_plan_waits_until_the_one_in_flight_has_ended() -> list[mock._patch]:
     def adopt(self: Agent, plan: object, now: float) -> None:
-        add(self.schedule, plan)
+        flown = self.schedule.flown
+        wait_s = max(0.0, flown.motion.end_time - plan.motion.start_time) if flown and plan.ref.seq % 3 == 2 else 0.0
+        self.schedule.add(replace(plan, motion=plan.motion.shift(wait_s)))
 
-    return adopt
+    return [put(Agent, "_adopt", adopt)]
 
 
 @bug(K.LOSS, K.BURSTS, K.CUTS)
@@ -439,7 +436,7 @@ def every_plan_is_thought_to_be_taken_up() -> list[mock._patch]:
     return [put(PlanPublisher, "schedule", believed)]
 
 
-@bug(K.CUTS, K.STOPS)
+@bug(K.CUTS, K.STOPS, mission=CROWD)
 def who_is_silent_is_never_lost() -> list[mock._patch]:
     return [put(failure_detector, "SILENT_PART", 1e3), put(failure_detector, "TOKEN_LOST_PERIODS", 1e3)]
 
@@ -459,7 +456,7 @@ def the_clock_of_the_newest_message_is_trusted() -> list[mock._patch]:
     return [put(AgentLink, "accept", newest), *_not_checking("check_start")]
 
 
-@bug(K.REORDER, K.DUPLICATES)
+@bug(K.REORDER, mission=CROWD)
 def sequence_numbers_of_states_are_ignored() -> list[mock._patch]:
     return [put(AgentLink, "_check", lambda self, state: None), *_not_checking("check_start")]
 
@@ -469,7 +466,7 @@ def whoever_says_to_be_an_agent_is_believed() -> list[mock._patch]:
     return [put(FleetMonitor, "_check_instance", lambda self, link, state, now_s: None)]
 
 
-@bug(K.SLOW, K.STOPS, K.SOLVER)
+@bug(K.STOPS, K.SLOW, K.SOLVER, mission=CROWD)
 def a_late_controller_sends_plans_for_times_that_are_past() -> list[mock._patch]:
     never = put(control_step.ControlStep, "_late", lambda self, start_s, done_s: False)
     return [never, *_not_checking("check_time", "check_start")]
