@@ -38,6 +38,7 @@ from mpc_cover.service.controller.mission_clock import MissionClock
 from mpc_cover.service.controller.phases import MissionPhases
 from mpc_cover.service.controller.plan_publisher import PlanPublisher
 from mpc_cover.service.controller.state_prediction import StatePredictor, resting
+from mpc_cover.service.protocol.messages import Phase
 from mpc_cover.service.torture.drawing import draw
 from mpc_cover.service.torture.faults import FaultKind
 from mpc_cover.service.torture.world import fly
@@ -505,7 +506,8 @@ def sensing_radii_are_taken_for_larger() -> list[mock._patch]:
 @bug(K.DUPLICATES, mission=LONG)
 def missions_are_complete_before_everything_is_measured() -> list[mock._patch]:
     nothing_left = property(lambda self: self._coverage.covered_count > 0.25 * self._cells)
-    return [put(Completion, "nothing_left", nothing_left)]
+    ending = put(Completion, "ending", lambda self: (Phase.COMPLETE, "everything is covered"))
+    return [put(Completion, "nothing_left", nothing_left), ending]
 
 
 @bug(K.RESTARTS, K.DISK)
