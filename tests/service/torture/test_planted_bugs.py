@@ -7,7 +7,7 @@ QUICK = (
     "one_agent_starts_each_plan_a_period_late",
     "plans_do_not_end_at_rest",
     "a_restarted_agent_thinks_to_be_at_the_missions_start",
-    "missions_are_complete_before_everything_is_measured",
+    "what_is_planned_counts_as_measured",
     "sensing_radii_are_taken_for_larger",
 )
 """Caught by the first seeds."""
