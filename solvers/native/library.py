@@ -6,13 +6,17 @@ import ctypes
 from ctypes import POINTER, c_double, c_int32, c_void_p
 from enum import IntEnum
 from functools import lru_cache
+from importlib.machinery import ExtensionFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from scipy.linalg import cython_lapack
+import scipy
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from numpy.typing import NDArray
 
 LIBRARY = Path(__file__).with_name("_kernels.so")
@@ -125,10 +129,24 @@ def library() -> ctypes.CDLL | None:
     return found
 
 
+@lru_cache(maxsize=1)
+def _cython_lapack() -> ModuleType:
+    """Return SciPy's table of LAPACK routines: its extension alone, as all of `scipy.linalg` takes 0.1 s to import."""
+    (folder,) = vars(scipy)["__path__"]
+    path = next(Path(folder, "linalg").glob("cython_lapack.*"))
+    name = "scipy.linalg.cython_lapack"
+    loader = ExtensionFileLoader(name, str(path))
+    spec = spec_from_loader(name, loader)
+    assert spec is not None
+    module = module_from_spec(spec)
+    loader.exec_module(module)
+    return module
+
+
 @lru_cache(maxsize=4)
 def lapack(name: str) -> int:
     """Return the address of a LAPACK routine that SciPy exports."""
-    capsule: Any = vars(cython_lapack)["__pyx_capi__"][name]
+    capsule: Any = vars(_cython_lapack())["__pyx_capi__"][name]
     api = ctypes.pythonapi
     api.PyCapsule_GetName.restype, api.PyCapsule_GetName.argtypes = ctypes.c_char_p, [ctypes.py_object]
     api.PyCapsule_GetPointer.restype = c_void_p
