@@ -67,7 +67,7 @@ class FaultyLaw:
         """Return the law's proposal, or what a fault makes of it; later, as it takes time."""
         before_s = budget.left_s
         proposal = self._law.step(state, coverage, budget)
-        self._take(before_s - budget.left_s)
+        self._take(before_s, before_s - budget.left_s)
         fault = next((fault for fault in self._faults if fault.on(self._process.time.now_s)), None)
         return proposal if fault is None else self._failing(fault, proposal, state)
 
@@ -77,11 +77,14 @@ class FaultyLaw:
             return False
         before_s = budget.left_s
         more = self._law.improve(budget)
-        self._take(before_s - budget.left_s)
+        self._take(before_s, before_s - budget.left_s)
         return more
 
-    def _take(self, counted_s: float) -> None:
-        self._process.wait_until(self._process.time.now_s + counted_s / self._work_s)
+    def _take(self, budget_s: float, counted_s: float) -> None:
+        """Let the virtual time pass that work takes; what exceeds its budget would be no more with a larger one."""
+        within_s = min(counted_s, max(budget_s, 0.0))
+        takes_s = within_s / self._work_s + counted_s - within_s
+        self._process.wait_until(self._process.time.now_s + takes_s)
 
     def _failing(self, fault: Fault, proposal: Proposal, state: FleetState) -> Any:
         """Return what a fault makes of a proposal.
