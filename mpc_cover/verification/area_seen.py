@@ -36,6 +36,7 @@ def area_seen(trajectory: Recording) -> float | None:
         near = np.zeros_like(seen)
         for reach in np.unique(radius[radius > 0.0]):
             flown = trajectory.position[:, radius == reach].reshape(-1, point.shape[1])
+            flown = flown[np.isfinite(flown).all(axis=1)]
             left = np.flatnonzero(seen & ~near)
             bound = float(reach) * (1.0 + _TIE)
             near[left] = np.isfinite(

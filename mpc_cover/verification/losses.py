@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.model.fleet_constraints import FleetConstraints
+from mpc_cover.trajectory_file import RecordingKind
 from mpc_cover.verification.connectivity import bottlenecks
 from mpc_cover.verification.ends import check_links
 from mpc_cover.verification.motion import check_connectivity, taking_part, verify_motion
@@ -60,12 +61,17 @@ class Separation:
 
 
 def losses_of(trajectory: Recording) -> dict[int, float]:
-    """Return {agent index: time of its loss [s]} from the file's meta; unreadable entries are ignored."""
+    """Return {agent index: time of its loss [s]} from the file's meta; unreadable entries are ignored.
+
+    Nobody is lost in a plan.
+    """
+    if trajectory.meta.get("kind") == RecordingKind.PLAN:
+        return {}
     lost: Any = trajectory.meta.get("lost")
     if not isinstance(lost, dict):
         return {}
     ids = trajectory.mission.fleet.ids
-    times = {ids.index(name): time for name, time in lost.items() if name in ids and isinstance(time, (int, float))}
+    times = {ids.index(name): time for name, time in lost.items() if name in ids and type(time) in {int, float}}
     return {index: float(time) for index, time in times.items() if np.isfinite(time)}
 
 
