@@ -201,6 +201,8 @@ class Agent:
             reference_position=reference[0].tolist() if reference else None,
             reference_velocity=reference[1].tolist() if reference else None,
             refused=self._refused,
+            epoch=max(self._authority.epoch, 0),
+            controller=self._authority.controller,
         )
         self._seq += 1
         if self._recorder:

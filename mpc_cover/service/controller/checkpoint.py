@@ -1,8 +1,13 @@
-"""Checkpoints of a mission's progress: incomplete or damaged ones are detected, and the one before is used."""
+"""Checkpoints of a mission's progress: incomplete, damaged or forged ones are detected, and the one before is used.
+
+Each bears a checksum, which tells damage, and a MAC under the secret of the state directory (HMAC-SHA256), without
+which anybody who may write a file could say that everything is covered.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import hmac
 import math
 import time
 from dataclasses import replace
@@ -29,6 +34,7 @@ if TYPE_CHECKING:
 
 SCHEMA = 2
 GENERATIONS = 2
+_DAMAGED = "is damaged"
 PERIOD_S = 1.0
 """How often a checkpoint is written [s of the machine's clock]."""
 
@@ -46,10 +52,11 @@ class _Header(msgspec.Struct, frozen=True):
     lost: dict[str, list[float]] = {}
     heard: dict[str, int] = {}
     versions: list[str] = []
+    epoch: int = 0
 
 
-def pack(snapshot: Snapshot, mission: str, generation: int) -> bytes:
-    """Return the bytes of a checkpoint: a checksum, a header, the map."""
+def pack(snapshot: Snapshot, mission: str, generation: int, secret: bytes) -> bytes:
+    """Return the bytes of a checkpoint: a checksum and a MAC, a header, the map."""
     header = _Header(
         mission,
         generation,
@@ -60,24 +67,43 @@ def pack(snapshot: Snapshot, mission: str, generation: int) -> bytes:
         lost=snapshot.lost,
         heard=snapshot.heard,
         versions=snapshot.versions,
+        epoch=snapshot.epoch,
     )
     arrays = b"".join(array.astype("<f8").tobytes() for array in snapshot.map.values())
     payload = msgspec.json.encode(header) + b"\n" + arrays
-    return hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
+    checksum = hashlib.sha256(payload).hexdigest()
+    return f"{checksum} {_mac(payload, secret)}\n".encode() + payload
 
 
-def unpack(data: bytes) -> tuple[str, int, Snapshot] | None:
-    """Return mission hash, generation and snapshot, or None when the bytes are incomplete or damaged."""
-    checksum, _, payload = data.partition(b"\n")
-    if hashlib.sha256(payload).hexdigest().encode() != checksum:
+def _mac(payload: bytes, secret: bytes) -> str:
+    return hmac.new(secret, payload, hashlib.sha256).hexdigest()
+
+
+def flaw_of(data: bytes, secret: bytes) -> str:
+    """Return what is wrong with the bytes of a checkpoint: damaged, or whole and not authentic; empty for nothing."""
+    head, end, payload = data.partition(b"\n")
+    checksum, _, mac = head.partition(b" ")
+    if not end or hashlib.sha256(payload).hexdigest().encode() != checksum:
+        return _DAMAGED
+    if not mac:
+        return "bears no authentication, as those of earlier versions"
+    if not hmac.compare_digest(_mac(payload, secret).encode(), mac):
+        return "is not authentic: somebody without the secret of this folder wrote it, or the secret is another one"
+    return ""
+
+
+def unpack(data: bytes, secret: bytes) -> tuple[str, int, Snapshot] | None:
+    """Return mission hash, generation and snapshot, or None when the bytes are damaged or not authentic."""
+    if flaw_of(data, secret):
         return None
+    payload = data.partition(b"\n")[2]
     try:
         head, _, arrays = payload.partition(b"\n")
         header = msgspec.json.decode(head, type=_Header)
         kept = _arrays(np.frombuffer(arrays, dtype="<f8"), header.shapes)
     except (msgspec.MsgspecError, ValueError):
         return None  # written by another program or version
-    known = header.origins, header.lost, header.heard, header.versions
+    known = header.origins, header.lost, header.heard, header.versions, header.epoch
     snapshot = Snapshot(header.mission_time_s, kept, header.finished, *known)
     return header.mission, header.generation, snapshot
 
@@ -104,15 +130,26 @@ class FileCheckpoints:
         self._due_s = -np.inf
         self._written = ""
         self._versions: list[str] = []
+        self._secret, self._refused = folder.secret(), list[str]()
         self._kept = self._read()
         self._generation = max((generation for _, generation, _ in self._kept), default=0)
 
+    @property
+    def epoch(self) -> int:
+        """The highest epoch of a controller that wrote one of the checkpoints; 0 without any."""
+        return max((snapshot.epoch for _, _, snapshot in self._kept), default=0)
+
     def load(self) -> tuple[Snapshot | None, str]:
         """Return the snapshot to resume from, if any, and a message for the user."""
+        snapshot, text = self._load()
+        refused = [f"checkpoint {flaw}: it is not used" for flaw in self._refused]
+        return snapshot, "; ".join([*refused, *([text] if text else [])])
+
+    def _load(self) -> tuple[Snapshot | None, str]:
         newest = self._newest
         if newest is None:
-            damaged = any(path.exists() for path in self._paths())
-            return None, "no checkpoint is readable: starts afresh" if damaged else ""
+            there = any(path.exists() for path in self._paths())
+            return None, "no checkpoint is readable: starts afresh" if there else ""
         mission, _, snapshot = newest
         if mission != self._mission:
             return self._of_another_version(mission, snapshot)
@@ -138,7 +175,10 @@ class FileCheckpoints:
         """Return what still holds of a checkpoint of another version of the mission, as a retask would keep it."""
         other = "the checkpoint is of another version of this mission"
         try:
-            old = mission_from_json(self._mission_file(fingerprint).read_text(encoding="utf-8"), "the mission")
+            data = self._mission_file(fingerprint).read_bytes()
+            if hashlib.sha256(data).hexdigest() != fingerprint:  # for which the checkpoint's MAC vouches
+                return None, f"{other}, whose file is damaged: starts afresh"
+            old = mission_from_json(data.decode("utf-8"), "the mission")
         except (OSError, UserError):
             return None, f"{other}, which is not kept: starts afresh"
         if (why := self._differs(old, snapshot.mission_time_s)) is not None:
@@ -187,7 +227,8 @@ class FileCheckpoints:
         generation = self._generation + 1
         try:
             self._keep_mission()
-            write_durably(self._paths()[generation % GENERATIONS], pack(snapshot, self._mission, generation))
+            data = pack(snapshot, self._mission, generation, self._secret)
+            write_durably(self._paths()[generation % GENERATIONS], data)
         except OSError as error:
             return f"the checkpoint cannot be written: {error.strerror}; control goes on"
         self._generation = generation
@@ -218,6 +259,8 @@ class FileCheckpoints:
                 data = path.read_bytes()
             except OSError:
                 continue
-            if (unpacked := unpack(data)) is not None:
+            if (unpacked := unpack(data, self._secret)) is not None:
                 kept.append(unpacked)
+            elif (flaw := flaw_of(data, self._secret)) and flaw != _DAMAGED:
+                self._refused.append(f"{path} {flaw}")
         return kept

@@ -267,11 +267,6 @@ class FleetMonitor:
         stale = set(self.stale(now_s))
         return [link.id for link in self.links if link.id not in stale and link.state and not link.state.at_rest]
 
-    def newest_epoch(self) -> int:
-        """Return the highest epoch that any agent flies for; 0 when none does."""
-        states = [link.state for link in self.links if link.state]
-        return max((ref.epoch for state in states for ref in (state.plan, state.next_plan) if ref), default=0)
-
     def freeze_clocks(self) -> None:
         """Freeze all clock offsets, as the best estimates so far, for the flight to come."""
         for link in self.links:

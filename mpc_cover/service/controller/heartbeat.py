@@ -35,6 +35,7 @@ class Heartbeat:
     text : what the controller is doing, for users.
     status : the newest status.
     events : the controller's events.
+    epoch : of the controller.
     """
 
     def __init__(
@@ -52,7 +53,7 @@ class Heartbeat:
         self.text = ""
         self.status: Status | None = None
         self._transport = transport
-        self._clock, self._identity, self._epoch, self._period_s = clock, identity, epoch, period_s
+        self._clock, self._identity, self.epoch, self._period_s = clock, identity, epoch, period_s
         self._status = transport.publisher(keys.status, bus.STATUS)
         self._map = transport.publisher(keys.map, bus.MAP)
         self._map_requests = transport.requests(keys.map, MAP_REQUESTS)
@@ -74,7 +75,7 @@ class Heartbeat:
         last = step_log.last
         status = Status(
             controller=self._identity,
-            epoch=self._epoch,
+            epoch=self.epoch,
             seq=self._seq,
             phase=phase,
             mission_time_s=mission_time_s,
@@ -107,7 +108,7 @@ class Heartbeat:
             return
         message = MapMessage(
             controller=self._identity,
-            epoch=self._epoch,
+            epoch=self.epoch,
             mission_time_s=mission_time_s,
             cell_count=coverage.cell_count,
             covered_count=coverage.covered_count,

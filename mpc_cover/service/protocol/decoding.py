@@ -41,6 +41,7 @@ class Reason(StrEnum):
     IMPLAUSIBLE = "implausible"
     OTHER_INSTANCE = "another process of the agent"
     OLD_EPOCH = "old epoch"
+    FAR_EPOCH = "epoch too far ahead"
     OTHER_CONTROLLER = "other controller"
     EXPIRED = "expired"
     LIMITS = "limits"

@@ -238,13 +238,17 @@ def _controller(
         resume, text = None, "starts afresh, as asked; the checkpoint is not used"
     if text:
         say(text)
+    epoch, text = folder.next_epoch(checkpoints.epoch)
+    if text:
+        say(text)
     law_for = partial(make_control_law, backend=options.backend, seed=options.seed)
     return Controller(
         mission,
         law_for(mission),
         transport,
         clock,
-        epoch=folder.next_epoch(),
+        epoch=epoch,
+        keep_epoch=folder.set_epoch,
         identity=identity,
         speed=options.speed,
         stay=options.stay,
