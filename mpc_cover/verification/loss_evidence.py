@@ -71,11 +71,12 @@ def _deviation(trajectory: Recording, index: int, loss: float, same_s: float) ->
 def of_the_living(trajectory: Recording, losses: dict[int, float], slack_s: float = SAME_TIME) -> Recording:
     """Return the recording with NaN for the positions of lost agents from `slack_s` [s] after their losses on.
 
-    Nothing is measured from there. A negative slack is that before the losses.
+    Nothing is measured from there. A negative slack is that before the losses. Whoever was lost before the record
+    begins had measured where it stands at its beginning.
     """
     if not losses:
         return trajectory
     position = trajectory.position.copy()
     for index, loss in losses.items():
-        position[trajectory.time > loss + slack_s, index] = np.nan
+        position[trajectory.time > max(loss, float(trajectory.time[0])) + slack_s, index] = np.nan
     return replace(trajectory, position=position)

@@ -99,10 +99,13 @@ def _extended(
 
 
 def _measuring(mission: Mission, time: FloatArray, position: FloatArray, ends: dict[str, float]) -> FloatArray:
-    """Return positions (T, m, d) [m] with NaN for the dead after their ends [s], by id."""
+    """Return positions (T, m, d) [m] with NaN for the dead after their ends [s], by id.
+
+    Whoever died before the record begins had measured where it stands.
+    """
     measuring = position.copy()
     for name, end_s in ends.items():
-        measuring[time > end_s + MERGE_S, mission.fleet.ids.index(name)] = np.nan
+        measuring[time > max(end_s, float(time[0])) + MERGE_S, mission.fleet.ids.index(name)] = np.nan
     return measuring
 
 
