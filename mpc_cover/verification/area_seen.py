@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.mission.field import bounding_box, cell_weights, contains
+from mpc_cover.verification.loss_evidence import of_the_living
+from mpc_cover.verification.losses import losses_of
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
@@ -24,11 +26,12 @@ _TIE = 1e-9
 def area_seen(trajectory: Recording) -> float | None:
     """Return the part of W, 0 to 1, of which every magnitude was in range at a sample; None without a point in W.
 
-    Every point that matters counts the same, and once, whatever the mission asks for: K looks see no more area.
+    Every point that matters counts the same, and once, whatever the mission asks for: K looks see no more area. The
+    lost see none.
     """
     from scipy.spatial import cKDTree  # noqa: PLC0415 - agents start faster without it
 
-    point = points_of(trajectory.mission.spec.area)
+    trajectory, point = of_the_living(trajectory, losses_of(trajectory)), points_of(trajectory.mission.spec.area)
     if point.shape[0] == 0:
         return None
     seen: BoolArray = np.ones(point.shape[0], dtype=bool)

@@ -70,7 +70,7 @@ def test_check_says_by_which_mission_it_judges(simulated, run, refused, tmp_path
     (tmp_path / "mine.json").write_text(json.dumps(mission))
     _, out, _ = run("check", "run", "--mission", "mine.json")
     assert "the mission in the file differs: fleet.separation_min_m: " in out
-    _, out, err = run("check", "run", "--mission", "mine.json", "--json")
+    _, out, _ = run("check", "run", "--mission", "mine.json", "--json")
     judged = json.loads(out)["judged_by"]
     assert judged["mission"] == "mine.json"
     assert [text.split(":")[0] for text in judged["differences"]] == ["fleet.separation_min_m"]
