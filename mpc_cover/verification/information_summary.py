@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 def summarise_information(trajectory: Recording) -> dict[str, Any] | None:
     """Return the figures of the mission's kind of information; None where a cell's first look is all.
 
-    The lost measure nothing. Variances are in the magnitude's unit squared, the error of the estimate in its unit, ages in seconds.
+    The lost measure nothing. Variances are in the magnitude's unit squared, the error of the estimate in its unit, ages
+    in seconds.
     """
     mission = trajectory.mission
     if not mission.spec.looks_again:

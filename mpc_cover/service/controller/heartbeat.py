@@ -28,7 +28,7 @@ MAP_REQUESTS = 16
 class Heartbeat:
     """Publishes the status and, half as often, the map.
 
-    At most every `period_s` [s] of the clock, but at once when the phase changes.
+    At most every `period_s` [s] of the clock, but at once when the phase changes, or who is lost or stands still.
 
     Attributes
     ----------
@@ -93,8 +93,10 @@ class Heartbeat:
             lost=lost,
             text=self.text[:1000],
             instances={link.id: link.state.instance for link in monitor.links if link.state},
+            standing=monitor.standing(now),
         )
         changed = self.status is None or self.status.phase is not phase or self.status.lost != lost
+        changed = changed or (self.status is not None and self.status.standing.keys() != status.standing.keys())
         self.status = status
         if changed or now >= self._due_s - SNAP_S:
             self._seq += 1

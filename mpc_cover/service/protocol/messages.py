@@ -136,6 +136,8 @@ class Status(Message, frozen=True, kw_only=True):
     text: Text = ""
     instances: dict[str, str] = {}
     """Which process of each agent the controller listens to, by agent id."""
+    standing: dict[str, Vector] = {}
+    """Where agents stand, as they report or by braking since, by id [m]: a simulated vehicle starts anew there."""
 
 
 class MapMessage(Message, frozen=True, kw_only=True):

@@ -92,8 +92,7 @@ def test_the_word_of_one_agent_does_not_drive_epochs_to_their_end(bench, fleet, 
     assert f"a1 says that it has seen epoch {2**50}, as nobody else has: restart it" in bench.statuses()[-1].text
     assert bench.plans("a2") == []
     bench.kill(fleet[0])
-    again = bench.agent("a1", instance="a1-again")
-    again.plant.position[:] = fleet[0].plant.position
+    bench.agent("a1", instance="a1-again", place=fleet[0].plant.position)
     bench.run(controller, until=over(controller))
     assert controller.exit_status == 0
 
