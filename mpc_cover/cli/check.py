@@ -38,9 +38,11 @@ def check(
     Exit status 0 if all does and everything is covered, else 1.
     """
     from mpc_cover.service.run.run_folder import find_trajectory  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.service.run.sources import check_sources  # noqa: PLC0415
     from mpc_cover.trajectory_file import load_trajectory  # noqa: PLC0415
     from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415
     from mpc_cover.verification.judged import differences, judged_by  # noqa: PLC0415
+    from mpc_cover.verification.report import Report  # noqa: PLC0415
     from mpc_cover.verification.summary import summarise  # noqa: PLC0415
     from mpc_cover.view.progress import ProgressLine  # noqa: PLC0415
     from mpc_cover.view.tables import print_area_seen, print_report  # noqa: PLC0415
@@ -54,6 +56,8 @@ def check(
     with ProgressLine() as line:
         line.begin(f"verifies {file}")
         report = check_trajectory(held, given)
+    if (sources := check_sources(held, find_trajectory(file).parent)) is not None:
+        report = Report((*report.checks, sources))
     if (own := load_extra_option(extra)) is not None:
         from mpc_cover.planning.cvxpy_extra.checks import with_extra  # noqa: PLC0415 - CVXPY takes a second
 
@@ -71,14 +75,17 @@ def check(
 
 
 def _say_by_what(console: Console, held: Recording, mission: str | None, differs: list[str], beside: Path) -> None:
-    """Say by which mission a recording is judged, and how that of its file differs; `beside` it one may be recorded."""
+    """Say as what a recording is judged, and by which mission; how that of its file differs, and one `beside` it."""
+    from mpc_cover.trajectory_file import RecordingKind  # noqa: PLC0415 - --help needs none of these
+
+    what = "plan" if held.meta.get("kind") == RecordingKind.PLAN else "flight"
     if mission is None:
         other = _other_version(held.mission, beside)
         hint = "" if other is None else f"; {other}: --mission judges by that one"
-        text = f"judged by the mission that the file holds, {held.mission.spec.name}{hint}"
+        text = f"judged as a {what} by the mission that the file holds, {held.mission.spec.name}{hint}"
         console.print(text, highlight=False, markup=False, soft_wrap=True)
         return
-    console.print(f"judged by mission {mission}", highlight=False, markup=False, soft_wrap=True)
+    console.print(f"judged as a {what} by mission {mission}", highlight=False, markup=False, soft_wrap=True)
     if not differs:
         return
     more = f"; and {len(differs) - _SHOWN} more" if len(differs) > _SHOWN else ""

@@ -37,6 +37,7 @@ class CheckName(StrEnum):
     COVERAGE_KEPT = "coverage kept"
     AGE_LIMIT = "age limit"
     SEAL = "record as it was written"
+    SOURCES = "records that it was made of"
 
 
 @dataclass(frozen=True)

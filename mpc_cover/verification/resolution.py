@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
     from mpc_cover.trajectory_file import Recording
 
-_COARSEST = 1e-4
-"""Rounding of more than this part of the smallest sensing radius is no copy of a motion any more. Plain choice: single
-precision holds a quarter of an hour within 100 m that well."""
+_COARSEST, _COARSEST_SUM = 2e-4, 2e-3
+"""Rounding of more than these parts of the smallest sensing radius, of an interval and in sum, is no copy of a motion
+any more. Plain choices: single precision holds a quarter of an hour within 100 m that well."""
 _CHANCE = 8.0
 """Sums of independent rounding errors stay below so many times the root of the sum of their squares: Hoeffding's
 inequality gives exceptions a chance of exp(-32)."""
@@ -62,14 +62,15 @@ def resolution_of(trajectory: Recording) -> Resolution:
     moved += 2.0 * time * (speed + longest * push)
     turned = axes * (2.0 * velocity + 2.0 * longest * force) + 2.0 * time * push
     fleet = trajectory.mission.fleet
-    coarsest = _COARSEST * fleet.sensing_radius_min
+    coarsest, coarsest_sum = _COARSEST * fleet.sensing_radius_min, _COARSEST_SUM * fleet.sensing_radius_min
     # in sums, the errors of positions and times cancel from interval to interval; those of held values add up
     turns = step[:, None, None] * trajectory.input
     jumps = np.diff(trajectory.input, axis=0)
     position_sum = axes * (2.0 * position + whole * (velocity + longest * force))
     position_sum += 2.0 * time * (speed + _CHANCE * _root_sum(turns))
     velocity_sum = axes * (2.0 * velocity + whole * force) + 2.0 * time * (push + _CHANCE * _root_sum(jumps))
-    return Resolution(min(max(moved, turned), coarsest), time, cell * axes, position_sum, velocity_sum)
+    sums = min(position_sum, coarsest_sum), min(velocity_sum, coarsest_sum)
+    return Resolution(min(max(moved, turned), coarsest), time, cell * axes, *sums)
 
 
 def _root_sum(changes: FloatArray) -> float:

@@ -20,7 +20,8 @@ def check_seal(trajectory: Recording) -> Check | None:
         where = f"{samples} samples, and {seal.samples} were sealed"
         return Check(CheckName.SEAL, holds=False, margin=float("-inf"), unit="", where=where)
     holds = _digest(trajectory) == seal.digest
-    where = f"{samples} samples" if holds else "its facts or samples were changed after it was sealed"
+    by = f"signed by {seal.key}, which is not looked at" if seal.signature else "unsigned"
+    where = f"{samples} samples, {by}" if holds else "its facts or samples were changed after it was sealed"
     return Check(CheckName.SEAL, holds=holds, margin=0.0 if holds else float("-inf"), unit="", where=where)
 
 

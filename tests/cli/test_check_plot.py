@@ -60,12 +60,12 @@ def test_bad_step_times(simulated, refused, tmp_path):
 
 def test_check_says_by_which_mission_it_judges(simulated, run, refused, tmp_path):
     _, out, _ = run("check", "run")
-    assert "judged by the mission that the file holds, " in out
+    assert "judged as a flight by the mission that the file holds, " in out
     assert "differs" not in out
     mission = json.loads((tmp_path / "run" / "mission.json").read_text())
     (tmp_path / "mine.json").write_text(json.dumps(mission))
     status, out, _ = run("check", "run", "--mission", "mine.json")
-    assert (status, "judged by mission mine.json" in out, "differs" in out) == (0, True, False)
+    assert (status, "judged as a flight by mission mine.json" in out, "differs" in out) == (0, True, False)
     mission["fleet"]["separation_min_m"] *= 1.5
     (tmp_path / "mine.json").write_text(json.dumps(mission))
     _, out, _ = run("check", "run", "--mission", "mine.json")

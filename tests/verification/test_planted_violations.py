@@ -31,6 +31,7 @@ from planted_flights import (
 from mpc_cover.mission.load import build_mission
 from mpc_cover.record_seal import sealed
 from mpc_cover.verification.check import check_trajectory
+from mpc_cover.verification.summary import summarise
 
 LOST_3 = (("a3", 2.0),)
 
@@ -65,6 +66,14 @@ def smuggled(name, way):
     fine = split(legs(), 500)
     drift = 6e-7 * way(np.arange(len(fine.time)))
     return claimed_anew(changed(fine, name, (slice(None), 0, 0), lambda old: old + drift))
+
+
+def coarse():
+    """Return a flight on a clock of which single precision holds sixteenths of a second, and motion smuggled in it."""
+    fine = split(legs(), 8)
+    drift = 1e-4 * np.arange(len(fine.time))
+    late = replace(fine, time=fine.time + 2.0**19, covered_at=fine.covered_at + 2.0**19)
+    return claimed_anew(copied(changed(late, "position", (slice(None), 0, 0), lambda old: old + drift)))
 
 
 def meta(recording, **facts):
@@ -135,6 +144,7 @@ MOTION = {
         lambda: smuggled("position", lambda n: np.minimum(n, n[-1] - n)),
     ),
     "speed smuggled in": ("residuals of velocity in sum", lambda: smuggled("velocity", lambda n: n)),
+    "smuggled in as single precision": ("residuals of position in sum", coarse),
     "too fast": ("speed", lambda: along(legs().position[0], leg(np.tile([0.0, 1.6], (3, 1)), 0.5, 2, 1))),
     "a hair too fast": ("speed", lambda: check_by(legs(), agents_with(legs().mission, speed_max_m_per_s=0.249))),
     "too hard": ("input", lambda: along(legs().position[0], leg(np.tile([0.0, 0.7], (3, 1)), 0.5, 1, 1))),
@@ -435,6 +445,12 @@ def test_valid_motions_pass_however_they_are_copied(name, copy):
         made = sealed(made)  # another record: whoever makes it seals it
     report = check_trajectory(made)
     assert report.holds, [str(check) for check in report.failures]
+
+
+@pytest.mark.parametrize("name", ["all dead", "all dead but one", "a living one called dead", "a word"])
+def test_figures_are_made_of_it_all_the_same(name):
+    recording = LOSSES[name][1]()
+    assert not summarise(recording, check_trajectory(recording)).holds
 
 
 def test_agents_are_told_apart_by_their_ids_not_by_their_numbers():

@@ -20,6 +20,7 @@ from mpc_cover.service.run.processes import free_port
 from mpc_cover.service.run.progress import Progress
 from mpc_cover.service.run.recording import merge
 from mpc_cover.service.run.run_folder import step_times_of
+from mpc_cover.service.run.sources import SOURCES, source_digests
 from mpc_cover.trajectory_file import RecordingKind
 from mpc_cover.version import __version__
 
@@ -114,7 +115,7 @@ def write_records(
     """
     try:
         records = [read_record(folder.record(name))[1] for name in mission.fleet.ids]
-        trajectory = merge(mission, records, meta, died)
+        trajectory = merge(mission, records, {**meta, SOURCES: source_digests(folder.path)}, died)
     except UserError as error:
         folder.write_summary({**extra, "problem": str(error)})
         return None

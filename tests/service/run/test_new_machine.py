@@ -12,6 +12,7 @@ from mpc_cover.record_seal import seal_of
 from mpc_cover.service.agent.recorder import read_record
 from mpc_cover.service.run.processes import free_port
 from mpc_cover.service.run.run_folder import find_trajectory
+from mpc_cover.service.run.sources import check_sources
 from mpc_cover.trajectory_file import load_trajectory
 from mpc_cover.verification.check import check_trajectory
 
@@ -53,6 +54,7 @@ def test_a_new_machine_takes_the_fleet_of_a_dead_one(start, tmp_path):
     flown = load_trajectory(find_trajectory(tmp_path / "two"))
     assert seal_of(flown) is not None
     assert "record as it was written" in {check.name for check in check_trajectory(flown).checks}
+    assert check_sources(flown, tmp_path / "two").holds
     assert not {check.name for check in check_trajectory(flown).failures} - {"start position", "start velocity"}
 
 
