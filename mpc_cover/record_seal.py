@@ -66,7 +66,7 @@ def seal_of(recording: Recording) -> Seal | None:
         return None
     try:
         return Seal(str(given["digest"]), int(given["samples"]), str(given["key"]), str(given["signature"]))
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         return Seal("", 0)
 
 

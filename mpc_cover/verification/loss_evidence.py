@@ -46,10 +46,11 @@ def check_losses(trajectory: Recording, losses: dict[int, float], tolerance: flo
 def _deviation(trajectory: Recording, index: int, loss: float, same_s: float) -> tuple[FloatArray, FloatArray]:
     """Return the samples after a loss (n,) [s], and by how much each is off the motion of the lost (n,) [m], [m/s]."""
     time = trajectory.time
-    nearest = int(np.argmin(np.abs(time - loss)))
-    row = nearest if abs(float(time[nearest]) - loss) <= same_s else int(np.searchsorted(time, loss, side="right")) - 1
-    row = max(row, 0)
-    begin = float(time[row]) if row == nearest and abs(float(time[row]) - loss) <= same_s else max(loss, float(time[0]))
+    row = int(np.argmin(np.abs(time - loss)))
+    begin = float(time[row])
+    if abs(begin - loss) > same_s:  # within an interval, whose input goes on until its end
+        row = max(int(np.searchsorted(time, loss, side="right")) - 1, 0)
+        begin = max(loss, float(time[0]))
     after = slice(row + 1, None)
     if row + 1 >= time.size:
         return time[after], time[after]

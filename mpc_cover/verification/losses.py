@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 REACTION_PERIODS = 2.0
 """Within so many control periods a loss is detected and the others fly a plan without the lost agent."""
 _SAME_TIME = 1e-6
+_LARGEST = 1e9
+"""Beyond it nothing is a time of a flight [s]."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ def losses_of(trajectory: Recording) -> dict[int, float]:
         return {}
     ids = trajectory.mission.fleet.ids
     times = {ids.index(name): time for name, time in lost.items() if name in ids and type(time) in {int, float}}
-    return {index: float(time) for index, time in times.items() if np.isfinite(time)}
+    return {index: float(time) for index, time in times.items() if -_LARGEST <= time <= _LARGEST}  # neither is NaN
 
 
 def verify_with_losses(

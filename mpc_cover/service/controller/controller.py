@@ -148,7 +148,7 @@ class Controller:
             patience_s=max(PATIENCE_S * speed, 3.0 * self._control.state_period_s),
             receive=self._receive,
             paused=lambda: self._commands.paused,
-            doubts=self._epochs.doubts,
+            doubts=lambda: self._epochs.doubts(self.supervisor.lost),
         )
         self._phases.set_mission(mission, law, self.coverage)
 

@@ -16,7 +16,7 @@ from mpc_cover.service.controller.state_directory import EPOCH_MAX
 from mpc_cover.service.protocol.keys import Keys
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     from mpc_cover.service.protocol.bus import Transport
     from mpc_cover.service.protocol.messages import State
@@ -75,11 +75,12 @@ class EpochWatch:
         self.epoch = epoch
         self._followers.clear()
 
-    def doubts(self) -> list[str]:
-        """Return, for users, which agents cannot be had, because of an epoch that is not believed."""
+    def doubts(self, lost: Collection[str]) -> list[str]:
+        """Return, for users, which agents cannot be had, because of an epoch that is not believed; of the lost, none."""
         return [
             f"{name} says that it has seen epoch {epoch}, as nobody else has: restart it, as it takes no plan of others"
             for name, epoch in self.doubted.items()
+            if name not in lost
         ]
 
     def _follows(self, state: State) -> bool:

@@ -5,7 +5,8 @@ import pytest
 from service_fakes import small_mission
 
 from mpc_cover.service.controller import state_directory
-from mpc_cover.service.controller.checkpoint import FileCheckpoints, flaw_of, pack, unpack
+from mpc_cover.service.controller.checkpoint import FileCheckpoints
+from mpc_cover.service.controller.checkpoint_format import flaw_of, pack, unpack
 from mpc_cover.service.controller.snapshot import Snapshot
 from mpc_cover.service.controller.state_directory import StateDirectory
 
