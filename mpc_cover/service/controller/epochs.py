@@ -76,7 +76,7 @@ class EpochWatch:
         self._followers.clear()
 
     def doubts(self, lost: Collection[str]) -> list[str]:
-        """Return, for users, which agents cannot be had, because of an epoch that is not believed; of the lost, none."""
+        """Return, for users, which agents that are not lost report an epoch that is not believed."""
         return [
             f"{name} says that it has seen epoch {epoch}, as nobody else has: restart it, as it takes no plan of others"
             for name, epoch in self.doubted.items()
