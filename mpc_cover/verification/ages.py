@@ -32,7 +32,7 @@ def check_ages(trajectory: Recording, resolution: Resolution = _EXACT) -> list[C
     given = trajectory.mission.spec.information
     if not isinstance(given, AgeingInformation) or not given.strict:
         return []
-    seen = of_the_living(with_left_out_looks(trajectory), losses_of(trajectory))
+    seen = of_the_living(with_left_out_looks(trajectory, resolution.time_s), losses_of(trajectory))
     gap, until = longest_gaps(seen, resolution.length)
     j, k = np.unravel_index(int(np.argmax(gap)), gap.shape)
     margin = given.age_limit_s - float(gap[j, k])

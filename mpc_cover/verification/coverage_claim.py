@@ -52,8 +52,8 @@ def check_coverage(trajectory: Recording, resolution: Resolution = _EXACT) -> li
     mission = trajectory.mission
     seen, losses, radius = replace(trajectory, cell=mission.field.cell), losses_of(trajectory), mission.fleet.radius
     # a look more or less may move the later ones of an agent: both readings of a thinned record are honest
-    whole = with_left_out_looks(seen) if rule_of(mission) is not None else with_claimed_looks(seen)
-    doubt, early_s = resolution.length, 2.0 * resolution.time_s
+    put_in = with_left_out_looks if rule_of(mission) is not None else with_claimed_looks
+    whole, doubt, early_s = put_in(seen, resolution.time_s), resolution.length, 2.0 * resolution.time_s
     part, rim = _SUM + _PER_RADIUS * doubt / mission.fleet.sensing_radius_min, _DOUBT + doubt
     earliest, latest = np.full(mission.field.size, np.inf), np.full(mission.field.size, -np.inf)
     for read in (seen,) if whole is seen else (seen, whole):

@@ -14,6 +14,7 @@ from mpc_cover.information.replay import measured_at
 from mpc_cover.mission.load import build_mission, mission_from_json
 from mpc_cover.record_seal import sealed
 from mpc_cover.service.run.simulate import simulate
+from mpc_cover.service.run.swarm_simulate import fly_swarm
 
 if TYPE_CHECKING:
     from mpc_cover.trajectory_file import Recording
@@ -116,12 +117,31 @@ def copied(recording: Recording, number=np.float32) -> Recording:
 
 
 def thinned(recording: Recording) -> Recording:
-    """Return the recording without the samples at which no input changes, its claims as they were."""
-    change = np.abs(np.diff(recording.input, axis=0)).max(axis=(1, 2)) > 0.0
+    """Return the recording without the samples at which no input changes, its claims as they were.
+
+    The input of single integrators is their velocity.
+    """
+    single = recording.mission.spec.fleet.dynamics == "single"
+    held = recording.velocity[:-1] if single else recording.input
+    change = np.abs(np.diff(held, axis=0)).max(axis=(1, 2)) > 0.0
     keep = np.concatenate([[True], change, [True]])
     names = ("time", "position", "velocity")
     kept = {name: getattr(recording, name)[keep] for name in names}
     return replace(recording, **kept, input=recording.input[keep[:-1]])
+
+
+def later(recording: Recording, seconds: float) -> Recording:
+    """Return the recording on a clock that is ahead by so many seconds."""
+    lost = {name: time + seconds for name, time in recording.meta.get("lost", {}).items()}
+    meta = {**recording.meta, **({"lost": lost} if lost else {})}
+    return replace(recording, time=recording.time + seconds, covered_at=recording.covered_at + seconds, meta=meta)
+
+
+@cache
+def single() -> Recording:
+    """Return a flight of single integrators by the distributed law."""
+    raw = {**TINY, "fleet": {**FLEET, "dynamics": "single", "communication_range_m": 4.0}}
+    return fly_swarm(build_mission(raw, "single")).trajectory
 
 
 def renumbered(recording: Recording, order) -> Recording:

@@ -5,7 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from planted_claims import CLAIMS, MISSIONS, SEALS
-from planted_flights import as_it_is_read, bereaved, copied, flown, legs, moved, renumbered, thinned, torn, written
+from planted_flights import (
+    as_it_is_read,
+    bereaved,
+    copied,
+    flown,
+    later,
+    legs,
+    moved,
+    renumbered,
+    single,
+    thinned,
+    torn,
+    written,
+)
 from planted_motions import LOSSES, MOTION
 
 from mpc_cover.record_seal import sealed
@@ -54,6 +67,7 @@ VALID = {
     "effective coverage": lambda: flown("effective"),
     "continuous sensing": lambda: flown("continuous"),
     "a patrol": lambda: flown("patrol"),
+    "single integrators": single,
     "a volume": lambda: flown("volume"),
     "a fleet torn apart by a death": lambda: torn(LOST_3),
     "sealed": lambda: as_it_is_read(written()),
@@ -65,6 +79,8 @@ COPIES = {
     "in single precision": copied,
     "thinned": thinned,
     "thinned in single precision": lambda flight: copied(thinned(flight)),
+    "late and in single precision": lambda flight: copied(later(flight, 100.3)),
+    "late, thinned, in single precision": lambda flight: copied(thinned(later(flight, 100.3))),
     "renumbered": lambda flight: renumbered(flight, np.roll(np.arange(flight.mission.fleet.size), 1)),
     "moved": lambda flight: moved(flight, 1e4 * np.arange(1.0, 1.0 + flight.position.shape[2])),
     "moved far": lambda flight: moved(flight, -1e7 * np.arange(1.0, 1.0 + flight.position.shape[2])),
