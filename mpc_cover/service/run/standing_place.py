@@ -19,9 +19,11 @@ if TYPE_CHECKING:
     from mpc_cover.service.protocol.bus import Transport
     from mpc_cover.service.protocol.messages import Status
 
-ASK_S = 2.0
-"""How long to wait for a controller to say where the vehicle stands [s]: its process has died within the lease of a
-second, it has braked by then, and a status comes twice a second."""
+ALIVE_S = 1.0
+"""How long to ask the network at most whether there is a controller [s]; answers come in milliseconds."""
+ASK_S = 5.0
+"""How long to wait for a controller to say where the vehicle stands [s]: a status comes twice a second, and says so once
+the vehicle has braked. A plain choice, for busy machines."""
 POLL_S = 0.02
 """How often to look whether one has come [s]; a plain choice."""
 
@@ -33,7 +35,7 @@ def standing_place(mission: Mission, agent_id: str, transport: Transport, stop: 
     """
     keys = Keys(mission.spec.name)
     statuses = transport.inbox(keys.status, 1, history=1)
-    if not transport.alive(keys.controller_instance(), ASK_S):
+    if not transport.alive(keys.controller_instance(), ALIVE_S):
         return None
     give_up_s = time.monotonic() + ASK_S
     while time.monotonic() < give_up_s and not stop.is_set():
