@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 ALIVE_S = 1.0
 """How long to ask the network at most whether there is a controller [s]; answers come in milliseconds."""
 ASK_S = 5.0
-"""How long to wait for a controller to say where the vehicle stands [s]: a status comes twice a second, and says so once
-the vehicle has braked. A plain choice, for busy machines."""
+"""How long to wait for a controller to say where the vehicle stands [s]: a status comes twice a second, and says so
+once the vehicle has braked. A plain choice, for busy machines."""
 POLL_S = 0.02
 """How often to look whether one has come [s]; a plain choice."""
 
