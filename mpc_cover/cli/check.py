@@ -52,7 +52,6 @@ def check(
     trajectory = held if given is None else judged_by(held, given)
     differs = [] if given is None else differences(held.mission, given)
     console = console_for(as_json=as_json)
-    _say_by_what(console, held, mission, differs, find_trajectory(file).with_name("mission.json"))
     with ProgressLine() as line:
         line.begin(f"verifies {file}")
         report = check_trajectory(held, given)
@@ -65,6 +64,7 @@ def check(
     elif isinstance(made_with := trajectory.meta.get("extra"), str):
         hint = f"planned with --extra {made_with}, which is not looked at: give it to have it checked, too"
         console.print(hint, highlight=False, markup=False)
+    _say_by_what(console, held, mission, differs, find_trajectory(file).with_name("mission.json"))
     summary = summarise(trajectory, report)
     print_report(report, console, summary.information)
     print_area_seen(summary, console)

@@ -92,8 +92,8 @@ class FlightRecord:
             for ref in dict.fromkeys((before.next_plan, after.plan)):
                 if ref != before.plan and (plan := self._find(index, ref)) is not None:
                     schedule.add(plan)
-        except UnknownPlanError:
-            return _fitted(before, after)
+        except UnknownPlanError:  # another controller's, whose flight this is not
+            return [(*piece[:4], None) for piece in _fitted(before, after)]
         plant.advance(after.time_s, schedule)
         position, velocity = planned_state(after)
         off = max(np.abs(plant.position - position).max(), np.abs(plant.velocity - velocity).max())
