@@ -54,7 +54,7 @@ class Bench:
         for pattern in (self.keys.status, *map(self.keys.plan, mission.fleet.ids)):
             self.hear(pattern)  # from the beginning
 
-    def agent(self, name="a1", *, mission=None, instance=None, clock=None, seed=0) -> Agent:
+    def agent(self, name="a1", *, mission=None, instance=None, clock=None, seed=0, place=None) -> Agent:
         self.records[name] = MemoryRecorder()
         self.transports[name] = self.bus.join()
         agent = Agent(
@@ -66,6 +66,7 @@ class Bench:
             seed=seed,
             recorder=self.records[name],
             say=self.said.append,
+            place=place,
         )
         agent.startup()
         self.agents.append(agent)

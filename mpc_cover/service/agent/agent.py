@@ -22,6 +22,7 @@ from mpc_cover.service.protocol.messages import State, encode
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.clock import Clock
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.agent.recorder import Recorder
@@ -44,6 +45,7 @@ class Agent:
     seed : with the agent's number, of its disturbances.
     recorder : records the exact motion, piece by piece.
     say : called with the text of each event.
+    place : where its vehicle stands, (d,) [m]; left out, at the mission's start.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class Agent:
         seed: int = 0,
         recorder: Recorder | None = None,
         say: Callable[[str], None] | None = None,
+        place: FloatArray | None = None,
     ) -> None:
         index = mission.fleet.ids.index(agent_id)
         self.id = agent_id
@@ -72,7 +75,7 @@ class Agent:
         self._state_period = mission.spec.control.state_period_s
         self._authority = Authority()
         self._refused: PlanRef | None = None
-        self.vehicle = make_vehicle(mission, index, clock.now(), seed, recorder.piece if recorder else None)
+        self.vehicle = make_vehicle(mission, index, clock.now(), seed, recorder.piece if recorder else None, place)
         self.plant = self.vehicle.nominal
         self.schedule = Schedule(self._limits.input_max)
         self._inbox_s = mission.spec.control.inbox_s
@@ -201,6 +204,8 @@ class Agent:
             reference_position=reference[0].tolist() if reference else None,
             reference_velocity=reference[1].tolist() if reference else None,
             refused=self._refused,
+            epoch=max(self._authority.epoch, 0),
+            controller=self._authority.controller,
         )
         self._seq += 1
         if self._recorder:

@@ -147,7 +147,7 @@ class FleetMonitor:
         self.others: dict[str, str] = {}
         self.on_state: Callable[[int, AgentLink], None] | None = None
         self._index = {name: index for index, name in enumerate(fleet.ids)}
-        self._shape = fleet.start.shape
+        self._shape, self._input_max = fleet.start.shape, fleet.input_max
         self.speed, self._mission = speed, mission_hash(mission)
         self.earlier_versions: list[str] = []
         self._state_period = mission.spec.control.state_period_s
@@ -267,10 +267,20 @@ class FleetMonitor:
         stale = set(self.stale(now_s))
         return [link.id for link in self.links if link.id not in stale and link.state and not link.state.at_rest]
 
-    def newest_epoch(self) -> int:
-        """Return the highest epoch that any agent flies for; 0 when none does."""
-        states = [link.state for link in self.links if link.state]
-        return max((ref.epoch for state in states for ref in (state.plan, state.next_plan) if ref), default=0)
+    def standing(self, now_s: float) -> dict[str, list[float]]:
+        """Return where agents stand by now, by their newest state or by braking since, (d,) [m], by id.
+
+        Those that would still be on their way are left out.
+        """
+        places = {}
+        for link, limit in zip(self.links, self._input_max, strict=True):
+            if link.state is None:
+                continue
+            position, velocity = link.planned()
+            braking_s = float(np.linalg.norm(velocity)) / float(limit)
+            if now_s >= link.measured_s() + braking_s:
+                places[link.id] = (position + 0.5 * braking_s * velocity).tolist()
+        return places
 
     def freeze_clocks(self) -> None:
         """Freeze all clock offsets, as the best estimates so far, for the flight to come."""

@@ -41,13 +41,18 @@ class Sent:
 
 
 class PlanPublisher:
-    """Sends plans that the safety filter admits, and returns what each agent flies."""
+    """Sends plans that the safety filter admits, and returns what each agent flies.
+
+    Attributes
+    ----------
+    epoch : of the plans to come.
+    """
 
     def __init__(self, mission: Mission, transport: Transport, epoch: int, controller: str) -> None:
         self._filter = SafetyFilter(mission)
         self._incumbent: Trajectory | None = None
         keys = Keys(mission.spec.name)
-        self._epoch = epoch
+        self.epoch = epoch
         self._controller = controller
         self._input_max = mission.fleet.input_max
         self._state_period = mission.spec.control.state_period_s
@@ -92,7 +97,7 @@ class PlanPublisher:
     @property
     def last_ref(self) -> PlanRef | None:
         """The id of the newest plan; None before the first."""
-        return PlanRef(self._epoch, self._seq - 1) if self._seq else None
+        return PlanRef(self.epoch, self._seq - 1) if self._seq else None
 
     def set_mission(self, mission: Mission) -> None:
         """Filter by another version of the mission from now on, for the same fleet."""
@@ -175,7 +180,7 @@ class PlanPublisher:
         assert link.state is not None
         start_s = origin_s + plan.start_time - link.offset
         return PlanMessage(
-            epoch=self._epoch,
+            epoch=self.epoch,
             controller=self._controller,
             seq=self._seq,
             agent=link.id,

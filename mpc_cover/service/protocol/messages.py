@@ -66,7 +66,8 @@ class State(Message, frozen=True, kw_only=True):
     it will switch to; `at_rest` says that it stands still and has nothing left to fly. `speed` is how many
     seconds of its clock pass in a second, `mission` the fingerprint of its mission. A disturbed agent also
     reports the state that it tracks: `reference_position` and `reference_velocity`. `refused` is the plan
-    that it rejected last, unless it has accepted one since.
+    that it rejected last, unless it has accepted one since. `epoch` is the highest epoch of which it has accepted a
+    plan, and `controller` whose that was: it rejects plans of lower ones, and of others of the same.
     """
 
     agent: Id
@@ -83,6 +84,8 @@ class State(Message, frozen=True, kw_only=True):
     reference_position: Vector | None = None
     reference_velocity: Vector | None = None
     refused: PlanRef | None = None
+    epoch: Count = 0
+    controller: Annotated[str, msgspec.Meta(max_length=64)] = ""
 
 
 class PlanMessage(Message, frozen=True, kw_only=True):
@@ -133,6 +136,8 @@ class Status(Message, frozen=True, kw_only=True):
     text: Text = ""
     instances: dict[str, str] = {}
     """Which process of each agent the controller listens to, by agent id."""
+    standing: dict[str, Vector] = {}
+    """Where agents stand, as they report or by braking since, by id [m]: a simulated vehicle starts anew there."""
 
 
 class MapMessage(Message, frozen=True, kw_only=True):

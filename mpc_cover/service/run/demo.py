@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.errors import UserError
+from mpc_cover.record_seal import sealed
 from mpc_cover.service.agent.recorder import read_record
 from mpc_cover.service.controller.step_log import StepKind, read_steps
 from mpc_cover.service.protocol.network import NetworkOptions
@@ -19,6 +20,7 @@ from mpc_cover.service.run.processes import free_port
 from mpc_cover.service.run.progress import Progress
 from mpc_cover.service.run.recording import merge
 from mpc_cover.service.run.run_folder import step_times_of
+from mpc_cover.service.run.sources import SOURCES, source_digests
 from mpc_cover.trajectory_file import RecordingKind
 from mpc_cover.version import __version__
 
@@ -106,14 +108,15 @@ def write_records(
     died: list[str],
     step_times: FloatArray,
 ) -> RunSummary | None:
-    """Merge the agents' records and write the run folder; None, with the problem in summary.json, where some lack.
+    """Merge the agents' records, seal the recording, and write the run folder.
 
-    `meta` is written into the trajectory, `extra` into the summary; `step_times` is (S,) [s].
+    Returns None, with the problem in summary.json, where records lack. `meta` is written into the trajectory, `extra`
+    into the summary; `step_times` is (S,) [s].
     """
     try:
         records = [read_record(folder.record(name))[1] for name in mission.fleet.ids]
-        trajectory = merge(mission, records, meta, died)
+        trajectory = merge(mission, records, {**meta, SOURCES: source_digests(folder.path)}, died)
     except UserError as error:
         folder.write_summary({**extra, "problem": str(error)})
         return None
-    return folder.write(trajectory, step_times, extra)
+    return folder.write(sealed(trajectory), step_times, extra)

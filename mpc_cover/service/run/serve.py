@@ -22,10 +22,12 @@ from mpc_cover.service.protocol.transport import open_transport
 from mpc_cover.service.run.daemon import Signals, run
 from mpc_cover.service.run.run_folder import flown_in, run_path
 from mpc_cover.service.run.served_run import ServedRun
+from mpc_cover.service.run.standing_place import standing_place
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.clock import Clock
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.controller.controller import Controller
@@ -150,7 +152,8 @@ def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: N
 
     check_agent_id(mission, agent_id)
     text = f"{agent_id}: agent of {mission.spec.name}, reaches {', '.join(network.connect + network.listen)}"
-    agent, status = run_agent_process(Agent, mission, agent_id, options, network, text)
+    here = partial(standing_place, mission, agent_id)
+    agent, status = run_agent_process(Agent, mission, agent_id, options, network, text, here)
     if agent is not None and agent.taken_by:
         own = f"this one is instance {agent.instance[:8]}"
         raise UserError(
@@ -168,9 +171,17 @@ def check_agent_id(mission: Mission, agent_id: str) -> None:
 
 
 def run_agent_process(
-    make: Callable[..., A], mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions, text: str
+    make: Callable[..., A],
+    mission: Mission,
+    agent_id: str,
+    options: AgentOptions,
+    network: NetworkOptions,
+    text: str,
+    here: Callable[[Transport, Event], FloatArray | None] | None = None,
 ) -> tuple[A | None, int]:
     """Run an agent of a class until it is done or a signal comes; `text` is written once the network is joined.
+
+    `here` returns where its vehicle stands, (d,) [m], None for the mission's start.
 
     Returns
     -------
@@ -195,6 +206,9 @@ def run_agent_process(
             return None, signals.exit_status
         try:
             say(text)
+            place = here(transport, signals.stop) if here is not None else None
+            if place is not None:
+                say(f"{agent_id}: stands where it was, at {', '.join(f'{x:.2f}' for x in place)}")
             agent = make(
                 mission,
                 agent_id,
@@ -205,6 +219,7 @@ def run_agent_process(
                 seed=options.seed,
                 recorder=recorder,
                 say=say,
+                **({} if place is None else {"place": place}),
             )
             run(agent, clock, signals.stop)
         finally:
@@ -238,13 +253,17 @@ def _controller(
         resume, text = None, "starts afresh, as asked; the checkpoint is not used"
     if text:
         say(text)
+    epoch, text = folder.next_epoch(checkpoints.epoch)
+    if text:
+        say(text)
     law_for = partial(make_control_law, backend=options.backend, seed=options.seed)
     return Controller(
         mission,
         law_for(mission),
         transport,
         clock,
-        epoch=folder.next_epoch(),
+        epoch=epoch,
+        keep_epoch=folder.set_epoch,
         identity=identity,
         speed=options.speed,
         stay=options.stay,
