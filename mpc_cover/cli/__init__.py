@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from mpc_cover.cli import agent, bench, check, demo, plan, plot, retask, serve, simulate, size, study
+from mpc_cover.cli import agent, bench, check, demo, plan, plot, retask, serve, simulate, size, study, torture
 from mpc_cover.cli.options import print_json
 from mpc_cover.cli.streams import guarded_streams, lost_output
 from mpc_cover.errors import UserError, problems_of
@@ -54,6 +54,7 @@ app.command()(serve.serve)
 app.command()(agent.agent)
 app.command()(retask.retask)
 app.command()(size.size)
+app.command()(torture.torture)
 app.add_typer(bench.app)
 app.add_typer(study.app)
 
