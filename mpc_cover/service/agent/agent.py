@@ -126,6 +126,8 @@ class Agent:
             self.vehicle.advance(now, self.schedule)
             for item in self._plans.drain():
                 self._receive(item, now)
+            for error in self._plans.take_refused():
+                self._reject(error)
             self.vehicle.advance(now, self.schedule)
             self._controllers.tick(now)
             self._read_index = max(self._read_index + 1, math.floor((now + SNAP_S) / self._inbox_s) + 1)

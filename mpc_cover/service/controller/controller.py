@@ -102,7 +102,7 @@ class Controller:
         self._told_others: dict[str, str] = {}
         self._control = mission.spec.control
         self._checkpoints: CheckpointStore = checkpoints or NoCheckpoints()
-        self._commands = CommandServer(mission, transport)
+        self._commands = CommandServer(mission, transport, identity)
         self._mission_clock = MissionClock(clock, self._control.period_s, resume.mission_time_s if resume else 0.0)
         self.coverage = make_map(mission)
         self._measurements = MeasurementUpdate(
@@ -224,9 +224,14 @@ class Controller:
                 self._told_others[name] = other
                 text = f"instance {other[:8]} says that it is {name}, too: it is not listened to while {name} is here"
                 self.heartbeat.events.emit(f"twice-{name}"[:64], text)
+        for error in self.fleet_monitor.not_genuine:
+            self.heartbeat.events.emit("state-refused", f"ignores a state: {error}")
 
     def _execute_commands(self) -> None:
-        for command in self._commands.receive():
+        commands = self._commands.receive()
+        for error in self._commands.take_refused():
+            self.heartbeat.events.emit("command-refused", f"ignores a command: {error}")
+        for command in commands:
             match command.name:
                 case CommandName.ABORT:
                     self._phases.stop(Phase.FAILED, "aborted")

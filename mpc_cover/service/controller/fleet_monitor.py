@@ -131,6 +131,7 @@ class FleetMonitor:
     rejected : states that were rejected, by reason.
     restarted : ids of the agents whose process was seen for the first time in the last `receive`.
     on_state : called with number and link of an agent after each accepted state.
+    not_genuine : why states were turned away in the last `receive` before they were looked at.
     others : by id, the last other process of an agent that was turned away, as its id is taken.
     """
 
@@ -143,6 +144,7 @@ class FleetMonitor:
         ]
         self.rejected: Counter[Reason] = Counter()
         self.restarted: list[str] = []
+        self.not_genuine: list[RejectedError] = []
         self._known: dict[str, int] = {}
         self.others: dict[str, str] = {}
         self.on_state: Callable[[int, AgentLink], None] | None = None
@@ -176,7 +178,9 @@ class FleetMonitor:
         """
         measured: list[list[State]] = [[] for _ in self.links]
         self.restarted = []
-        for item in self._states.drain():
+        items, self.not_genuine = self._states.drain(), self._states.take_refused()
+        self.rejected.update(error.reason for error in self.not_genuine)
+        for item in items:
             try:
                 index, state = self._accept(item)
             except RejectedError as error:

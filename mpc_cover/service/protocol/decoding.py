@@ -33,6 +33,8 @@ class Reason(StrEnum):
     OVERSIZE = "oversize"
     MALFORMED = "malformed"
     SCHEMA = "schema"
+    UNSIGNED = "not signed"
+    FORGED = "wrongly signed"
     NOT_FINITE = "not finite"
     SHAPE = "shape"
     WRONG_AGENT = "wrong agent"

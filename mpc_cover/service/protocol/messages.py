@@ -159,12 +159,14 @@ class Event(Message, frozen=True, kw_only=True):
 class CommandRequest(Message, frozen=True, kw_only=True):
     """A request for the command of its key, a `CommandName`; the request id makes repeating it harmless.
 
-    `mission` is, for a retask, the new version of the mission as JSON.
+    `mission` is, for a retask, the new version of the mission as JSON. `controller` is the controller process that it
+    is for: one that believes signatures alone turns away what was meant for another, as that may be a repeat.
     """
 
     request: Id
     text: Text = ""
     mission: MissionText = ""
+    controller: Text = ""
 
 
 class CommandReply(Message, frozen=True, kw_only=True):

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import ipaddress
 import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mpc_cover.service.credentials import roles
+from mpc_cover.service.credentials.signature import SIGNATURE_BYTES
+from mpc_cover.service.protocol.access import access_control
 from mpc_cover.service.protocol.bus import TransportError
 from mpc_cover.service.protocol.decoding import MAX_PAYLOAD
 
@@ -13,8 +17,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from mpc_cover.service.credentials.folder import Credentials
+
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7474"
 """Where `serve` listens and `agent` connects by default."""
+TLS = "tls"
+LOCAL_PROTOCOLS = {"unixsock-stream", "unixpipe"}
+"""Those that never leave the machine."""
 ZENOH_LEASE_MS = 10_000
 LEASE_MS = 1000
 """A hung process counts as lost after this."""
@@ -26,12 +35,29 @@ RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 
 
 @dataclass(frozen=True)
 class NetworkOptions:
-    """Endpoints such as `tcp/127.0.0.1:7474`, a Zenoh configuration file, and how long to wait for peers [s]."""
+    """Endpoints such as `tcp/127.0.0.1:7474`, a Zenoh configuration file, and how long to wait for peers [s].
+
+    With `credentials` all is encrypted, and everybody is who their certificate says. Without them only `insecure`
+    allows endpoints that others than this machine may reach. `routes` is for who passes on messages of others.
+    """
 
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
     config: Path | None = None
     connect_timeout_s: float = 10.0
+    credentials: Credentials | None = None
+    insecure: bool = False
+    routes: bool = False
+
+    @property
+    def where(self) -> str:
+        """The endpoints, for users."""
+        return ", ".join(self.listen + self.connect) or str(self.config)
+
+
+def default_endpoint(credentials: Credentials | None) -> str:
+    """Return the endpoint for who gives none: encrypted where there are credentials."""
+    return DEFAULT_ENDPOINT if credentials is None else DEFAULT_ENDPOINT.replace("tcp", TLS, 1)
 
 
 def check_endpoint(endpoint: str) -> str:
@@ -51,9 +77,19 @@ def check_endpoint(endpoint: str) -> str:
 
 
 def settings(options: NetworkOptions, configured: Callable[[str], str], attempt_ms: int) -> Iterator[tuple[str, str]]:
-    """Yield keys and JSON values: those always needed, and defaults of keys for which `configured` returns none."""
+    """Yield keys and JSON values: those always needed, and defaults of keys for which `configured` returns none.
+
+    Raises
+    ------
+    TransportError
+        An endpoint is malformed, or must not be used so.
+    """
     for endpoint in (*options.listen, *options.connect):
         check_endpoint(endpoint)
+    for kind, given in (("listen", options.listen), ("connect", options.connect)):
+        own = given or not options.config
+        for endpoint in given if own else _all_of(json.loads(configured(f"{kind}/endpoints"))):
+            check_secure(endpoint, kind, options)
     always: dict[str, object] = {
         "timestamping/enabled": True,  # AdvancedPublisher needs it
         "transport/shared_memory/enabled": False,  # leaves segments behind after SIGKILL
@@ -66,8 +102,10 @@ def settings(options: NetworkOptions, configured: Callable[[str], str], attempt_
         always["listen/endpoints"] = list(options.listen)
     if options.connect or not options.config:
         always["connect/endpoints"] = list(options.connect)
+    if options.credentials is not None:
+        always |= secure_settings(options.credentials)
     unless_set: dict[str, tuple[object, object]] = {
-        "mode": (None, "peer"),
+        "mode": (None, mode_of(options)),
         "scouting/multicast/enabled": (None, False),
         "scouting/gossip/enabled": (None, False),
         "connect/retry": (None, RETRY),
@@ -82,6 +120,77 @@ def settings(options: NetworkOptions, configured: Callable[[str], str], attempt_
             yield key, json.dumps(value)
 
 
+def mode_of(options: NetworkOptions) -> str:
+    """Return the mode in which to take part.
+
+    Peers pass nothing on, and trust each other. With credentials there is somebody in the middle who enforces who may
+    say what: a router, or the controller where it listens itself; all others are its clients. Agents that listen are
+    those of the potential law: each enforces it for itself.
+    """
+    who = options.credentials
+    if options.routes:
+        return "router"
+    if who is None or (options.listen and who.role not in roles.SERVICE_ROLES):
+        return "peer"
+    return "router" if options.listen else "client"
+
+
+def secure_settings(credentials: Credentials) -> dict[str, object]:
+    """Return mutual TLS, and access control that denies whatever is not allowed."""
+    folder = credentials.folder
+    certificate, key = str(folder / roles.CERTIFICATE_FILE), str(folder / roles.KEY_FILE)
+    return {
+        "transport/link/tls": {
+            "root_ca_certificate": str(folder / roles.CA_FILE),
+            "enable_mtls": True,
+            "listen_certificate": certificate,
+            "listen_private_key": key,
+            "connect_certificate": certificate,
+            "connect_private_key": key,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+        },
+        "access_control": access_control(credentials.agents),
+    }
+
+
+def check_secure(endpoint: str, kind: str, options: NetworkOptions) -> None:
+    """Check that an endpoint to `listen` on, or to `connect` to, is one that strangers cannot use.
+
+    Raises
+    ------
+    TransportError
+        It is not encrypted, although there are credentials; or others may reach it, and there are none.
+    """
+    protocol, _, address = endpoint.partition("/")
+    if options.credentials is not None:
+        if protocol != TLS:
+            raise TransportError(f"endpoint {endpoint!r}: with --credentials it must be {TLS}/{address}")
+    elif not (options.insecure or is_local(endpoint)):
+        text = "another machine can listen in, and steer the fleet" if kind == "listen" else "leads to another machine"
+        right = "give --credentials DIR, or --insecure if that is wanted"
+        raise TransportError(f"endpoint {endpoint!r} to {kind} {'on' if kind == 'listen' else 'to'}: {text}: {right}")
+
+
+def is_local(endpoint: str) -> bool:
+    """Return whether an endpoint can be reached from this machine alone."""
+    protocol, _, address = endpoint.partition("/")
+    if protocol in LOCAL_PROTOCOLS:
+        return True
+    host = address.partition("?")[0].partition("#")[0].rpartition(":")[0].strip("[]")
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _all_of(endpoints: object) -> list[str]:
+    """Return endpoints as Zenoh has them configured: one, or a list, or either for each mode."""
+    if isinstance(endpoints, dict):
+        return [each for of_mode in endpoints.values() for each in _all_of(of_mode)]
+    return [endpoints] if isinstance(endpoints, str) else list(endpoints) if isinstance(endpoints, list | tuple) else []
+
+
 def cannot_listen(options: NetworkOptions, text: str) -> str:
     """Return the error message for endpoints that cannot be listened on, because of `text`."""
     where = ", ".join(options.listen) or "the configured endpoints"
@@ -94,7 +203,13 @@ def cannot_connect(options: NetworkOptions) -> str:
     """Return the error message for endpoints that stay unreachable."""
     where = ", ".join(options.connect) or "the configured endpoints"
     waited = f"{options.connect_timeout_s:g} s"
-    return f"network: cannot reach {where} within {waited}: is the other side up, and -e/--connect right?"
+    right = "is the other side up, and -e/--connect right?"
+    if options.credentials is not None:
+        right = (
+            f"is the other side up, of the same fleet {options.credentials.fleet}, with a certificate that has not"
+            " expired and is for this address (`keys new --host`)?"
+        )
+    return f"network: cannot reach {where} within {waited}: {right}"
 
 
 def _size_limit() -> dict[str, object]:
@@ -104,5 +219,5 @@ def _size_limit() -> dict[str, object]:
         "flows": ["ingress"],
         "messages": ["put", "query", "reply"],
         "key_exprs": ["cover/**"],
-        "size_limit": MAX_PAYLOAD,
+        "size_limit": MAX_PAYLOAD + SIGNATURE_BYTES,
     }

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.protocol.transport import ZenohTransport
+    from mpc_cover.service.protocol.bus import Transport
     from mpc_cover.service.run.run_folder import RunFolder
     from mpc_cover.verification.summary import RunSummary
 
@@ -64,7 +64,7 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
     return DemoResult(status, outcome.text, summary, processes.restarts, tuple(died))
 
 
-def open_observer(clock: MonotonicClock, signals: Signals) -> tuple[str, ZenohTransport]:
+def open_observer(clock: MonotonicClock, signals: Signals) -> tuple[str, Transport]:
     """Listen on a free port, and on another one if it is taken meanwhile; return the endpoint and the transport."""
     for attempt in range(PORT_ATTEMPTS):
         endpoint = f"tcp/127.0.0.1:{free_port()}"

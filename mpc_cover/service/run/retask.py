@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import time
 import uuid
 from threading import Event
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.errors import UserError
@@ -22,6 +25,10 @@ if TYPE_CHECKING:
 
 SHORTEST_TIMEOUT_S = 1.0
 """Shortest time to find a controller and wait for its answer [s]."""
+LOOK_S = 0.05
+"""Pause between two looks for a controller [s]; a plain choice."""
+ADDRESS_BYTES = 64
+"""What is kept free in a request for the name of a controller process [bytes]."""
 
 
 def retask(mission: Mission, network: NetworkOptions) -> CommandReply:
@@ -35,27 +42,38 @@ def retask(mission: Mission, network: NetworkOptions) -> CommandReply:
         The mission is too large to be sent, or the network cannot be used as asked.
     """
     name = mission.spec.name
-    payload = encode(CommandRequest(request=uuid.uuid4().hex, mission=mission.to_json()))
-    if len(payload) > MAX_PAYLOAD:
-        right = f"must be at most {MAX_PAYLOAD} to be sent: a coarser area.weights helps"
-        raise UserError(f"mission {name}: {len(payload)} bytes: {right}")
+    request = CommandRequest(request=uuid.uuid4().hex, mission=mission.to_json())
+    if (size := len(encode(request))) > MAX_PAYLOAD - ADDRESS_BYTES:
+        right = f"must be at most {MAX_PAYLOAD - ADDRESS_BYTES} to be sent: a coarser area.weights helps"
+        raise UserError(f"mission {name}: {size} bytes: {right}")
     transport = open_transport(network, MonotonicClock(), Event())
     try:
         timeout_s = max(network.connect_timeout_s, SHORTEST_TIMEOUT_S)
-        return decode_reply(_ask(transport, Keys(name), payload, timeout_s))
+        return decode_reply(_ask(transport, Keys(name), request, timeout_s))
     except RejectedError as error:
         raise RequestError(f"the controller of mission {name}: no reply of this version: {error}") from None
     finally:
         transport.close()
 
 
-def _ask(transport: Transport, keys: Keys, payload: bytes, timeout_s: float) -> bytes:
+def _ask(transport: Transport, keys: Keys, request: CommandRequest, timeout_s: float) -> bytes:
     """Return the answer; a controller that is present may be busy planning, and is asked again."""
     presence = transport.presence(keys.controller_alive)
     while True:
         try:
-            return transport.ask(keys.command(CommandName.RETASK), payload, timeout_s)
+            asked = encode(replace(request, controller=_controller(transport, keys, timeout_s)))
+            return transport.ask(keys.command(CommandName.RETASK), asked, timeout_s)
         except NoAnswerError:
             if not presence.alive():
                 text = f"no controller of mission {keys.mission} answers within {timeout_s:g} s"
                 raise NoAnswerError(f"{text}: is `mpc-cover serve` up, with a mission of this name?") from None
+
+
+def _controller(transport: Transport, keys: Keys, timeout_s: float) -> str:
+    """Return which controller process there is, where it wants to be named; an empty string for none in time."""
+    deadline_s = time.monotonic() + timeout_s
+    while transport.signed and time.monotonic() < deadline_s:
+        if there := transport.alive(keys.controller_instance(), min(timeout_s, SHORTEST_TIMEOUT_S)):
+            return there[0].rsplit("/", 1)[-1]
+        Event().wait(LOOK_S)
+    return ""

@@ -95,10 +95,11 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
             transport.announce(Keys(mission.spec.name).controller_instance(identity))  # before what takes a second
             meta = {"seed": options.seed, "backend": options.backend}
             record = None if place is None else ServedRun(mission, place, meta, options.speed, say)
-            say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
+            say(f"{told(network)}controls {mission.spec.name} at {network.where}")
             controller = _controller(mission, options, folder, transport, clock, identity, record)
             look_s = mission.spec.control.state_period_s
-            run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s, controller.idle)
+            lines = _StatusLines(controller, told(network))
+            run(controller, clock, signals.stop, lines.after_tick, look_s, controller.idle)
         finally:
             transport.close()
         if record is not None:
@@ -149,7 +150,7 @@ def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: N
     from mpc_cover.service.agent.agent import Agent  # noqa: PLC0415 - the controller needs none
 
     check_agent_id(mission, agent_id)
-    text = f"{agent_id}: agent of {mission.spec.name}, reaches {', '.join(network.connect + network.listen)}"
+    text = f"{told(network)}{agent_id}: agent of {mission.spec.name}, reaches {network.where}"
     agent, status = run_agent_process(Agent, mission, agent_id, options, network, text)
     if agent is not None and agent.taken_by:
         own = f"this one is instance {agent.instance[:8]}"
@@ -158,6 +159,11 @@ def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: N
             f" {mission.spec.name} already, and {own}: end that one first, or give another --id"
         )
     return status
+
+
+def told(network: NetworkOptions) -> str:
+    """Return what every status line begins with where anybody may steer the fleet."""
+    return "INSECURE, anybody may steer: " if network.insecure else ""
 
 
 def check_agent_id(mission: Mission, agent_id: str) -> None:
@@ -261,8 +267,8 @@ def _controller(
 class _StatusLines:
     """Writes the controller's status periodically; outside of a flight, only when it says something else."""
 
-    def __init__(self, controller: Controller) -> None:
-        self._controller = controller
+    def __init__(self, controller: Controller, begin: str) -> None:
+        self._controller, self._begin = controller, begin
         self._due_s = 0.0
         self._last = ""
 
@@ -273,7 +279,7 @@ class _StatusLines:
         self._due_s = time.monotonic() + STATUS_EVERY_S
         covered = 100 * status.covered_count // status.cell_count
         line = (
-            f"{status.phase}: {status.mission_time_s:.1f} s, {covered} % covered, "
+            f"{self._begin}{status.phase}: {status.mission_time_s:.1f} s, {covered} % covered, "
             f"step {status.step_ms:.0f} ms, {status.deadline_misses} deadlines missed"
             + (f"; {status.text}" if status.text != status.phase else "")
         )
