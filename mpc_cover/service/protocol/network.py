@@ -86,9 +86,9 @@ def settings(options: NetworkOptions, configured: Callable[[str], str], attempt_
     """
     for endpoint in (*options.listen, *options.connect):
         check_endpoint(endpoint)
-    for kind, given in (("listen", options.listen), ("connect", options.connect)):
-        own = given or not options.config
-        for endpoint in given if own else _all_of(json.loads(configured(f"{kind}/endpoints"))):
+    endpoints = {kind: _used(kind, options, configured) for kind in ("listen", "connect")}
+    for kind, each in endpoints.items():
+        for endpoint in each:
             check_secure(endpoint, kind, options)
     always: dict[str, object] = {
         "timestamping/enabled": True,  # AdvancedPublisher needs it
@@ -103,15 +103,16 @@ def settings(options: NetworkOptions, configured: Callable[[str], str], attempt_
     if options.connect or not options.config:
         always["connect/endpoints"] = list(options.connect)
     if options.credentials is not None:
-        always |= secure_settings(options.credentials)
+        always |= secure_settings(options.credentials, listens=bool(endpoints["listen"]))
     unless_set: dict[str, tuple[object, object]] = {
         "mode": (None, mode_of(options)),
         "scouting/multicast/enabled": (None, False),
+        "scouting/delay": (None, 0),  # a router would wait half a second for others
         "scouting/gossip/enabled": (None, False),
         "connect/retry": (None, RETRY),
         "transport/link/tx/lease": (ZENOH_LEASE_MS, LEASE_MS),
         "transport/link/rx/max_message_size": (ZENOH_MAX_MESSAGE, MAX_MESSAGE),
-        "low_pass_filter": ([], [_size_limit()]),
+        "low_pass_filter": ([], [_size_limit(options)]),
     }
     for key, value in always.items():
         yield key, json.dumps(value)
@@ -135,23 +136,24 @@ def mode_of(options: NetworkOptions) -> str:
     return "router" if options.listen else "client"
 
 
-def secure_settings(credentials: Credentials) -> dict[str, object]:
-    """Return mutual TLS, and access control that denies whatever is not allowed."""
+def secure_settings(credentials: Credentials, *, listens: bool) -> dict[str, object]:
+    """Return mutual TLS; and who listens denies whatever is not allowed.
+
+    Who only connects has to do with nobody but the one who does that.
+    """
     folder = credentials.folder
     certificate, key = str(folder / roles.CERTIFICATE_FILE), str(folder / roles.KEY_FILE)
-    return {
-        "transport/link/tls": {
-            "root_ca_certificate": str(folder / roles.CA_FILE),
-            "enable_mtls": True,
-            "listen_certificate": certificate,
-            "listen_private_key": key,
-            "connect_certificate": certificate,
-            "connect_private_key": key,
-            "verify_name_on_connect": True,
-            "close_link_on_expiration": True,
-        },
-        "access_control": access_control(credentials.agents),
+    tls = {
+        "root_ca_certificate": str(folder / roles.CA_FILE),
+        "enable_mtls": True,
+        "listen_certificate": certificate,
+        "listen_private_key": key,
+        "connect_certificate": certificate,
+        "connect_private_key": key,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
     }
+    return {"transport/link/tls": tls} | ({"access_control": access_control(credentials.agents)} if listens else {})
 
 
 def check_secure(endpoint: str, kind: str, options: NetworkOptions) -> None:
@@ -184,6 +186,12 @@ def is_local(endpoint: str) -> bool:
         return host == "localhost"
 
 
+def _used(kind: str, options: NetworkOptions, configured: Callable[[str], str]) -> list[str]:
+    """Return the endpoints of a kind: those given, else those of the configuration."""
+    given = options.listen if kind == "listen" else options.connect
+    return list(given) if given or not options.config else _all_of(json.loads(configured(f"{kind}/endpoints")))
+
+
 def _all_of(endpoints: object) -> list[str]:
     """Return endpoints as Zenoh has them configured: one, or a list, or either for each mode."""
     if isinstance(endpoints, dict):
@@ -212,12 +220,12 @@ def cannot_connect(options: NetworkOptions) -> str:
     return f"network: cannot reach {where} within {waited}: {right}"
 
 
-def _size_limit() -> dict[str, object]:
+def _size_limit(options: NetworkOptions) -> dict[str, object]:
     """Return Zenoh's filter that drops payloads larger than any message of this protocol."""
     return {
         "id": "mpc-cover",
         "flows": ["ingress"],
         "messages": ["put", "query", "reply"],
         "key_exprs": ["cover/**"],
-        "size_limit": MAX_PAYLOAD + SIGNATURE_BYTES,
+        "size_limit": MAX_PAYLOAD + (SIGNATURE_BYTES if options.credentials else 0),
     }

@@ -27,8 +27,8 @@ SHORTEST_TIMEOUT_S = 1.0
 """Shortest time to find a controller and wait for its answer [s]."""
 LOOK_S = 0.05
 """Pause between two looks for a controller [s]; a plain choice."""
-ADDRESS_BYTES = 64
-"""What is kept free in a request for the name of a controller process [bytes]."""
+UNNAMED = "0" * 32
+"""Stands for a controller process, as long as its name, where it needs not be named."""
 
 
 def retask(mission: Mission, network: NetworkOptions) -> CommandReply:
@@ -42,9 +42,9 @@ def retask(mission: Mission, network: NetworkOptions) -> CommandReply:
         The mission is too large to be sent, or the network cannot be used as asked.
     """
     name = mission.spec.name
-    request = CommandRequest(request=uuid.uuid4().hex, mission=mission.to_json())
-    if (size := len(encode(request))) > MAX_PAYLOAD - ADDRESS_BYTES:
-        right = f"must be at most {MAX_PAYLOAD - ADDRESS_BYTES} to be sent: a coarser area.weights helps"
+    request = CommandRequest(request=uuid.uuid4().hex, mission=mission.to_json(), controller=UNNAMED)
+    if (size := len(encode(request))) > MAX_PAYLOAD:
+        right = f"must be at most {MAX_PAYLOAD} to be sent: a coarser area.weights helps"
         raise UserError(f"mission {name}: {size} bytes: {right}")
     transport = open_transport(network, MonotonicClock(), Event())
     try:
@@ -70,10 +70,10 @@ def _ask(transport: Transport, keys: Keys, request: CommandRequest, timeout_s: f
 
 
 def _controller(transport: Transport, keys: Keys, timeout_s: float) -> str:
-    """Return which controller process there is, where it wants to be named; an empty string for none in time."""
+    """Return which controller process there is, where it wants to be named; UNNAMED for none in time."""
     deadline_s = time.monotonic() + timeout_s
     while transport.signed and time.monotonic() < deadline_s:
         if there := transport.alive(keys.controller_instance(), min(timeout_s, SHORTEST_TIMEOUT_S)):
             return there[0].rsplit("/", 1)[-1]
         Event().wait(LOOK_S)
-    return ""
+    return UNNAMED
