@@ -86,7 +86,8 @@ def settings(options: NetworkOptions, configured: Callable[[str], str], attempt_
     """
     for endpoint in (*options.listen, *options.connect):
         check_endpoint(endpoint)
-    endpoints = {kind: _used(kind, options, configured) for kind in ("listen", "connect")}
+    mode = json.loads(configured("mode")) or mode_of(options)
+    endpoints = {kind: _used(kind, options, configured, mode) for kind in ("listen", "connect")}
     for kind, each in endpoints.items():
         for endpoint in each:
             check_secure(endpoint, kind, options)
@@ -105,7 +106,7 @@ def settings(options: NetworkOptions, configured: Callable[[str], str], attempt_
     if options.credentials is not None:
         always |= secure_settings(options.credentials, listens=bool(endpoints["listen"]))
     unless_set: dict[str, tuple[object, object]] = {
-        "mode": (None, mode_of(options)),
+        "mode": (None, mode),
         "scouting/multicast/enabled": (None, False),
         "scouting/delay": (None, 0),  # a router would wait half a second for others
         "scouting/gossip/enabled": (None, False),
@@ -186,17 +187,15 @@ def is_local(endpoint: str) -> bool:
         return host == "localhost"
 
 
-def _used(kind: str, options: NetworkOptions, configured: Callable[[str], str]) -> list[str]:
-    """Return the endpoints of a kind: those given, else those of the configuration."""
+def _used(kind: str, options: NetworkOptions, configured: Callable[[str], str], mode: str) -> list[str]:
+    """Return the endpoints of a kind: those given, else those of the configuration for a mode."""
     given = options.listen if kind == "listen" else options.connect
-    return list(given) if given or not options.config else _all_of(json.loads(configured(f"{kind}/endpoints")))
-
-
-def _all_of(endpoints: object) -> list[str]:
-    """Return endpoints as Zenoh has them configured: one, or a list, or either for each mode."""
-    if isinstance(endpoints, dict):
-        return [each for of_mode in endpoints.values() for each in _all_of(of_mode)]
-    return [endpoints] if isinstance(endpoints, str) else list(endpoints) if isinstance(endpoints, list | tuple) else []
+    if given or not options.config:
+        return list(given)
+    found = json.loads(configured(f"{kind}/endpoints"))
+    if isinstance(found, dict):  # Zenoh's own default, too: peers and routers listen on every interface
+        found = found.get(mode)
+    return [found] if isinstance(found, str) else list(found or [])
 
 
 def cannot_listen(options: NetworkOptions, text: str) -> str:
