@@ -31,6 +31,10 @@ CredentialsFolder = Annotated[
     Path | None,
     typer.Option("--credentials", metavar="DIR", help="Folder of this role, made by `keys new`: encrypt and sign."),
 ]
+FleetFolder = Annotated[
+    Path | None,
+    typer.Option("--credentials", metavar="DIR", help="Folder of a fleet, made by `keys new`: encrypt and sign."),
+]
 Insecure = Annotated[
     bool, typer.Option("--insecure", help="Without credentials, use endpoints that strangers may reach, too.")
 ]
@@ -77,10 +81,11 @@ def credentials_for(folder: Path | None, role: str, what: str, *, insecure: bool
         raise UserError("--insecure: leave it out with --credentials: there is nothing insecure about them")
     from mpc_cover.service.credentials.folder import load_credentials  # noqa: PLC0415
 
-    found = load_credentials(folder, _warn)
+    found = load_credentials(folder, warn)
     found.require(role, what)
     return found
 
 
-def _warn(text: str) -> None:
+def warn(text: str) -> None:
+    """Write a warning to stderr."""
     sys.stderr.write(f"mpc-cover: warning: {text}\n")

@@ -159,6 +159,22 @@ def test_through_a_router_all_is_as_without_one(join):
     assert not states.take_refused()
 
 
+def test_a_controller_that_is_started_again_is_found_by_its_agents(join, endpoint):
+    former, a1 = join("controller"), join("a1")
+    plans, presence = a1.inbox(KEYS.plan("a1"), 8, history=1), a1.presence(KEYS.controller_instance())
+    publisher = a1.publisher(KEYS.state("a1"), bus.STATE)
+    publisher.publish(MARK)
+    former.close()
+    again = join("controller", listen=[endpoint])
+    again.announce(KEYS.controller_instance("second"))
+    assert until(presence.alive) == {KEYS.controller_instance("second")}
+    states = again.inbox(KEYS.state(), 8, history=8)
+    assert until(lambda: payloads(states)) == [MARK], "what was measured meanwhile"
+    plan = again.publisher(KEYS.plan("a1"), bus.PLAN)
+    plan.publish(MARK)
+    assert until(lambda: payloads(plans)) == [MARK]
+
+
 def test_a_message_of_64_mib_arrives_nowhere_and_the_next_one_does(join):
     controller, a1 = join("controller"), join("a1")
     states = controller.inbox(KEYS.state(), 8)

@@ -10,6 +10,7 @@ import pytest
 from fleet_keys import join as join_fleet
 from fleet_keys import load, make_fleet
 from service_fakes import small_mission, until
+from swarm_missions import swarm_mission
 
 from mpc_cover.service.credentials.signature import sign
 from mpc_cover.service.protocol import bus
@@ -160,18 +161,6 @@ def test_the_operator_retasks(processes, fleet):
     assert "of 192 cells are covered already; everyone comes to rest" in processes.said("retask")
 
 
-def test_a_controller_that_is_started_again_is_found_by_its_agents(processes):
-    serve = processes.serve()
-    for name in ("a1", "a2"):
-        processes.agent(name)
-    processes.wait_for("serve", "flying")
-    serve.kill()
-    serve.wait()
-    processes.serve()
-    processes.wait_for("serve", "goes on from the checkpoint")
-    processes.wait_for("serve", "everything is covered and everyone is at rest")
-
-
 def test_a_stranger_stays_outside_and_it_is_said_why(processes, tmp_path):
     """Of a fleet of the same name, with the same agents."""
     strangers = make_fleet(tmp_path / "strangers")
@@ -190,3 +179,8 @@ def test_insecure_is_said_in_every_status_line(processes):
     lines = [line for line in processes.said("open").splitlines() if "waiting" in line or "controls" in line]
     assert len(lines) >= 2
     assert all("INSECURE, anybody may steer: " in line for line in lines)
+
+
+def test_a_demo_without_a_controller_flies_with_keys(start, fleet):
+    demo = start(swarm_mission(agents=2, size=3.0), "--controller", "potential", "--speed", "8", "--credentials", fleet)
+    assert demo.end(0)["outcome"] == "everything is covered"
