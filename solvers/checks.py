@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
+import scipy
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,7 +18,7 @@ class InvalidQPError(ValueError):
     """Invalid QP data; the message names the field, the index and what is expected."""
 
 
-def column_of_each_entry(matrix: sp.csc_array[np.float64]) -> NDArray[np.intp]:
+def column_of_each_entry(matrix: scipy.sparse.csc_array[np.float64]) -> NDArray[np.intp]:
     """Return the column of each stored entry: (nnz,)."""
     return np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
 
@@ -38,9 +38,9 @@ def check_vector(name: str, values: NDArray[np.float64], size: int) -> None:
         raise InvalidQPError(f"{name}: needs float64 ({size},), got {found}")
 
 
-def check_matrix(name: str, matrix: sp.csc_array[np.float64], shape: tuple[int, int]) -> None:
+def check_matrix(name: str, matrix: scipy.sparse.csc_array[np.float64], shape: tuple[int, int]) -> None:
     """Raise `InvalidQPError` unless `matrix` is a finite canonical csc_array of doubles of this shape."""
-    if not isinstance(matrix, sp.csc_array) or matrix.dtype != np.float64:
+    if not isinstance(matrix, scipy.sparse.csc_array) or matrix.dtype != np.float64:
         raise InvalidQPError(f"{name}: needs a float64 csc_array, got {type(matrix).__name__}")
     if matrix.shape != shape:
         raise InvalidQPError(f"{name}: needs shape {shape}, got {matrix.shape}")

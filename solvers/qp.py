@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
+import scipy
 
 from solvers.checks import (
     INFINITE,
@@ -43,7 +43,7 @@ class SecondOrderCones:
     sizes: dimensions of the cones; they sum to k.
     """
 
-    G: sp.csc_array[np.float64]
+    G: scipy.sparse.csc_array[np.float64]
     h: NDArray[np.float64]
     sizes: tuple[int, ...]
 
@@ -70,9 +70,9 @@ class QP:
     cones: second-order cones, or None.
     """
 
-    P: sp.csc_array[np.float64]
+    P: scipy.sparse.csc_array[np.float64]
     q: NDArray[np.float64]
-    A: sp.csc_array[np.float64]
+    A: scipy.sparse.csc_array[np.float64]
     l: NDArray[np.float64]  # noqa: E741 - the field's own letter
     u: NDArray[np.float64]
     cones: SecondOrderCones | None = None
@@ -116,8 +116,8 @@ class QP:
 
     def own_copy(self) -> QP:
         """Return a copy of the values with normalised bounds; the sparsity pattern is shared."""
-        P = sp.csc_array((self.P.data.copy(), self.P.indices, self.P.indptr), shape=self.P.shape)
-        A = sp.csc_array((self.A.data.copy(), self.A.indices, self.A.indptr), shape=self.A.shape)
+        P = scipy.sparse.csc_array((self.P.data.copy(), self.P.indices, self.P.indptr), shape=self.P.shape)
+        A = scipy.sparse.csc_array((self.A.data.copy(), self.A.indices, self.A.indptr), shape=self.A.shape)
         own = QP(P, self.q.copy(), A, self.l.copy(), self.u.copy(), self.cones)
         own.normalise_bounds()
         return own

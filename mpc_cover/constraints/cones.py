@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
+import scipy
 
 from mpc_cover.constraints.connectivity import kept_edges
 from mpc_cover.constraints.pairs import all_pairs
@@ -77,7 +77,7 @@ def edge_cones(
 
 def stack_cones(
     blocks: list[Cones], dimension: int, columns: int, slack_columns: list[int]
-) -> tuple[sp.csc_array[np.float64], FloatArray, tuple[int, ...]]:
+) -> tuple[scipy.sparse.csc_array[np.float64], FloatArray, tuple[int, ...]]:
     """Return G, h and the sizes of all cones; `slack_columns` are the columns of each block's slack 0."""
     bound = np.concatenate([block.bound for block in blocks])
     plus = np.concatenate([block.plus for block in blocks])
@@ -94,7 +94,9 @@ def stack_cones(
             column.append(first[there] + axis)
             value.append(np.full(int(there.sum()), sign))
     rows = (1 + dimension) * bound.size
-    matrix = sp.csc_array((np.concatenate(value), (np.concatenate(row), np.concatenate(column))), shape=(rows, columns))
+    matrix = scipy.sparse.csc_array(
+        (np.concatenate(value), (np.concatenate(row), np.concatenate(column))), shape=(rows, columns)
+    )
     matrix.sum_duplicates()
     right = np.zeros(rows)
     right[top] = bound

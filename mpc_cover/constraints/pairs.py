@@ -66,6 +66,12 @@ def pair_distances(position: FloatArray, velocity: FloatArray, period: float) ->
     return PairDistances(difference, sampled, least, most)
 
 
+def distances_at(position: FloatArray) -> FloatArray:
+    """Return the distances (pairs,) [m] between agents at (m, d) positions [m]."""
+    first, second = all_pairs(len(position))
+    return _length(position[first] - position[second])
+
+
 def elastic_pair_rows(
     layout: Layout,
     sample: IntArray,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
+import scipy
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -83,13 +83,13 @@ def elastic_rows(column: IntArray, value: FloatArray, upper: FloatArray, slack: 
     return Rows(np.repeat(each, column.shape[1]), column.ravel(), value.ravel(), lower, upper, elastic=slack)
 
 
-def stack(blocks: Sequence[Rows], columns: int) -> tuple[sp.csc_array[np.float64], FloatArray, FloatArray]:
+def stack(blocks: Sequence[Rows], columns: int) -> tuple[scipy.sparse.csc_array[np.float64], FloatArray, FloatArray]:
     """Stack blocks into one canonical csc matrix (rows, columns) with its lower and upper bounds (rows,)."""
     offsets = np.cumsum([0, *(block.count for block in blocks)])
     row = np.concatenate([block.row + offset for block, offset in zip(blocks, offsets, strict=False)])
     column = np.concatenate([block.column for block in blocks])
     value = np.concatenate([block.value for block in blocks])
-    matrix = sp.csc_array((value, (row, column)), shape=(int(offsets[-1]), columns))
+    matrix = scipy.sparse.csc_array((value, (row, column)), shape=(int(offsets[-1]), columns))
     matrix.sum_duplicates()
     lower = np.concatenate([block.lower for block in blocks])
     upper = np.concatenate([block.upper for block in blocks])

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from mpc_cover.planning.planner import Planner
     from mpc_cover.planning.scp import SCPResult
 
-_MAX_QPS = 2
+_MAX_QPS = 1
 """QPs per step; a plain choice that leaves the rest of the budget for replanning."""
 _BUDGET_SHARE = 0.3
 """Part of the budget of a step that improvement may use; a plain choice, enough for a plan that is good already."""

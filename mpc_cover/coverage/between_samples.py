@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from mpc_cover.coverage.nearest_points import DENSE, FAR, Nearest, padded, pairwise_distance, smallest, taken
 from mpc_cover.model.look_instants import nearest_part
@@ -105,7 +105,7 @@ def _points_by_tree(
     for radius in np.unique(reach):
         some = np.flatnonzero(reach == radius)
         wanted = min(width * min(np.unique(part).size, _POINTS_PER_INTERVAL), some.size)
-        away, near = cKDTree(point[some]).query(cell, k=range(1, wanted + 1))
+        away, near = scipy.spatial.cKDTree(point[some]).query(cell, k=range(1, wanted + 1))
         index.append(some[near])
         distance.append(away)
     every, away = np.concatenate(index, axis=1), np.concatenate(distance, axis=1)

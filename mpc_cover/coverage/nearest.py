@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from mpc_cover.coverage.between_samples import nearest_between
 from mpc_cover.coverage.nearest_points import DENSE, FAR, Nearest, padded, pairwise_distance, smallest, taken
@@ -101,7 +101,7 @@ def _by_tree(
     for radius in np.unique(reach):
         some = np.flatnonzero(reach == radius)
         wanted = min(count, some.size)
-        distance, index = cKDTree(points[some]).query(cell, k=range(1, wanted + 1))
+        distance, index = scipy.spatial.cKDTree(points[some]).query(cell, k=range(1, wanted + 1))
         samples.append(columns[some][index])
         distances.append(distance)
         excesses.append(distance - radius)

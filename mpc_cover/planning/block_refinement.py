@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from mpc_cover.constraints.boundary import BoundaryConditions
 from mpc_cover.coverage.nearest import remaining_weight
@@ -125,15 +126,13 @@ def _repaired(task: Task, plan: Candidate, steps: int, backend: Backend, budget:
 
 def _block_ocp(task: Task, position: FloatArray, velocity: FloatArray, block: IntArray) -> OCP:
     """Return the OCP of a block: its own distances, and the cells near its paths that no other agent covers."""
-    from scipy.spatial import cKDTree  # noqa: PLC0415 - agents start faster without it
-
     fleet, steps = task.fleet, len(position) - 1
     others = np.setdiff1d(np.arange(fleet.size), block)
     between = InterSample(velocity[:, others], task.period, fleet.look_instants)
     left = remaining_weight(position[:, others], task.cell, fleet.radius[others], task.weight, between)
     paths = position[:, block].reshape(-1, fleet.dimension)
     demanded = np.flatnonzero((left > 0.0).any(axis=0))
-    distance, _ = cKDTree(paths).query(task.cell[demanded])
+    distance, _ = scipy.spatial.cKDTree(paths).query(task.cell[demanded])
     near = demanded[distance <= _REACH * fleet.sensing_radius_min]
     own = FleetConstraints.of(
         fleet,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
+import scipy
 
 from mpc_cover.constraints.rows import Rows
 
@@ -121,13 +121,13 @@ def _velocity_terms(
 
 def coverage_qp_cost(
     layout: Layout, terms: Terms, iterate: FloatArray, slack_cost: FloatArray, proximal: float
-) -> tuple[sp.csc_array[np.float64], FloatArray]:
+) -> tuple[scipy.sparse.csc_array[np.float64], FloatArray]:
     """Return P (upper triangle) and q of the QP: coverage terms, proximal term around the iterate, slacks."""
     size, dimension = layout.size, layout.dimension
     blocks = terms.curvature + proximal * np.eye(dimension)
     centred = np.einsum("nab,nb->na", blocks, iterate[: layout.half].reshape(-1, dimension))
     linear = np.concatenate([(terms.linear - centred).ravel(), -proximal * iterate[layout.half :], slack_cost])
-    cross: sp.csc_array[np.float64] | None = None
+    cross: scipy.sparse.csc_array[np.float64] | None = None
     if terms.velocity_linear is not None:
         cross = _velocity_curvature(layout, terms.velocity_curvature, size + slack_cost.size)
         linear[layout.half : size] += terms.velocity_linear.ravel()
@@ -141,14 +141,16 @@ def coverage_qp_cost(
         [blocks[:, above, right].ravel(), np.full(layout.half, proximal), np.full(slack_cost.size, _SLACK_CURVATURE)]
     )
     total = size + slack_cost.size
-    quadratic = sp.csc_array((value, (row, column)), shape=(total, total))
+    quadratic = scipy.sparse.csc_array((value, (row, column)), shape=(total, total))
     if cross is not None:
-        quadratic = sp.csc_array(quadratic + cross)
+        quadratic = scipy.sparse.csc_array(quadratic + cross)
     quadratic.sum_duplicates()
     return quadratic, linear
 
 
-def _velocity_curvature(layout: Layout, blocks: tuple[FloatArray, ...], columns: int) -> sp.csc_array[np.float64]:
+def _velocity_curvature(
+    layout: Layout, blocks: tuple[FloatArray, ...], columns: int
+) -> scipy.sparse.csc_array[np.float64]:
     """Return the curvature of points between samples that involves velocities (upper triangle), (columns, columns)."""
     dimension = layout.dimension
     sample = np.arange((layout.steps + 1) * layout.agents)
@@ -163,4 +165,4 @@ def _velocity_curvature(layout: Layout, blocks: tuple[FloatArray, ...], columns:
         places.append((column[live, None] + second[keep]).ravel())
         values.append(block[live][:, keep].ravel())
     data = (np.concatenate(values), (np.concatenate(rows), np.concatenate(places)))
-    return sp.csc_array(data, shape=(columns, columns))
+    return scipy.sparse.csc_array(data, shape=(columns, columns))

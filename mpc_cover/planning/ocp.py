@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.constraints.graph import bottleneck, fleet_trees
-from mpc_cover.constraints.pairs import pair_distances
+from mpc_cover.constraints.pairs import distances_at
 from mpc_cover.model.look_instants import InterSample
 from mpc_cover.model.motion import roll_out
 
@@ -158,8 +158,7 @@ def requirements(ocp: OCP, margins: Margins) -> Requirements:
     for given in (ocp.ends.start_position, ocp.ends.end_position):
         if given is None:
             continue
-        still = np.repeat(given[None], 2, axis=0)
-        here = pair_distances(still, np.zeros_like(still), ocp.period).sampled[:1]
+        here = distances_at(given)[None]
         separation = np.maximum(least, np.minimum(separation, here[0]))
         allowed = min(reach, max(allowed, float(bottleneck(here, fleet_trees(here, fleet))[0])))
     return Requirements(separation, allowed)

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from mpc_cover.model.motion import time_from_rest
-from mpc_cover.verification.summary import swath_bound
+from mpc_cover.verification.area_bound import swath_bound
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray

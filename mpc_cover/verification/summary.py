@@ -10,6 +10,7 @@ import numpy as np
 
 from mpc_cover.mission.config import Sensing
 from mpc_cover.trajectory_file import RecordingKind
+from mpc_cover.verification.area_bound import bound_from_rest, swath_bound
 from mpc_cover.verification.area_seen import area_seen
 from mpc_cover.verification.connectivity import widest_bottleneck
 from mpc_cover.verification.hovering import hovering_of
@@ -22,7 +23,6 @@ from mpc_cover.verification.tolerance import tolerance_of
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
-    from mpc_cover.mission.load import Mission
     from mpc_cover.trajectory_file import Recording
     from mpc_cover.verification.report import Report
 
@@ -63,6 +63,7 @@ class RunSummary:
     distance_m : travelled, by agent.
     swath_bound_s : T_b, about which no plan can be faster to cover everything.
     ratio_to_bound : time_to_99_s over T_b.
+    bound_from_rest_s : the same with agents that start at rest and look at samples.
     hovering_agent_s : seconds, of all agents together, at rest while something was owed that they could have measured
         before anybody did, beyond what turning takes; None where more than a cell's first look matters.
     hovering_events : how often.
@@ -94,6 +95,7 @@ class RunSummary:
     distance_total_m: float
     swath_bound_s: float | None
     ratio_to_bound: float | None
+    bound_from_rest_s: float | None
     step_times: StepTimes | None = None
     information: dict[str, Any] | None = None
     time_apart_s: float = 0.0
@@ -121,7 +123,8 @@ def summarise(trajectory: Recording, report: Report, step_times: FloatArray | No
     speed, speed_max = _nearest_bound(trajectory.velocity, fleet.speed_max)
     force, force_max = _nearest_bound(trajectory.input, fleet.input_max)
     reached = {level: time_to_cover(trajectory, level) for level in _LEVELS}
-    bound, hovering = swath_bound(mission, look_interval(trajectory)), hovering_of(trajectory)
+    look_s, hovering = look_interval(trajectory), hovering_of(trajectory)
+    bound = swath_bound(mission, look_s)
     distance = distance_travelled(path)
     covered = int(np.isfinite(trajectory.covered_at).sum())
     return RunSummary(
@@ -150,6 +153,7 @@ def summarise(trajectory: Recording, report: Report, step_times: FloatArray | No
         distance_total_m=float(distance.sum()),
         swath_bound_s=bound,
         ratio_to_bound=reached[99] / bound if bound and reached[99] is not None else None,
+        bound_from_rest_s=bound_from_rest(mission, look_s),
         step_times=summarise_steps(step_times, time_for_a_step(trajectory)),
         information=summarise_information(trajectory),
         time_apart_s=_time_apart(trajectory) if torn else 0.0,
@@ -196,23 +200,6 @@ def look_interval(trajectory: Recording) -> float:
         return 0.0
     planned = trajectory.meta.get("kind") == RecordingKind.PLAN
     return spec.control.period_s if planned else spec.control.state_period_s
-
-
-def swath_bound(mission: Mission, look_s: float = 0.0) -> float | None:
-    """Return T_b = (A - sum pi rho_i^2) / sum_i min(2 rho_i v_i, pi rho_i^2 / look_s) [s]; None outside the plane.
-
-    Each agent starts with its disc and sweeps a strip 2 rho wide; what is left of A takes about this long. A look
-    adds a disc at most, however fast the agent is, one every `look_s` [s]. None for several magnitudes.
-    """
-    fleet = mission.fleet
-    if fleet.dimension != 2 or fleet.radius.shape[1] != 1:  # noqa: PLR2004 - the plane
-        return None
-    radius = np.maximum(fleet.radius[:, 0], 0.0)
-    left = mission.field.measure - float(np.pi * (radius**2).sum())
-    rate = 2.0 * radius * fleet.speed_max
-    if look_s > 0.0:
-        rate = np.minimum(rate, np.pi * radius**2 / look_s)
-    return left / float(rate.sum()) if left > 0.0 else None
 
 
 def time_for_a_step(trajectory: Recording) -> float:

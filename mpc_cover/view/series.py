@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpc_cover.verification.area_bound import swath_bound
 from mpc_cover.verification.connectivity import bottleneck
 from mpc_cover.verification.losses import losses_of
 from mpc_cover.verification.path import Path
-from mpc_cover.verification.summary import floor_percent, look_interval, swath_bound, time_to_cover
+from mpc_cover.verification.summary import floor_percent, look_interval, time_to_cover
 from mpc_cover.view.style import GOOD, INK, LIMIT, QUIET, agent_style, draw_limit, outlined
 
 if TYPE_CHECKING:

@@ -94,7 +94,8 @@ def _rows(summary: RunSummary) -> Iterator[tuple[str, Text]]:
         yield "information", Text(_information(summary.information), style=_warning(summary.information))
     if summary.swath_bound_s is not None:
         ratio = _or(summary.ratio_to_bound, "99 % after {:.2f} times that", "99 % never reached")
-        yield "swath bound", Text(f"{summary.swath_bound_s:.1f} s; {ratio}")
+        rest = _or(summary.bound_from_rest_s, " ({:.1f} s from rest)", "")
+        yield "swath bound", Text(f"{summary.swath_bound_s:.1f} s{rest}; {ratio}")
     if summary.smallest_separation_m is not None:
         asked = _or(summary.separation_min_m, "at least {:g} m asked for", "nothing asked for")
         yield "smallest separation", Text(f"{_down(summary.smallest_separation_m):.3f} m ({asked})")

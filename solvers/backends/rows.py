@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
+import scipy
 
 from solvers.checks import column_of_each_entry
 
@@ -37,7 +37,7 @@ class StackedRows:
     sign: +1 or -1 for each entry.
     """
 
-    matrix: sp.csc_matrix[np.float64]
+    matrix: scipy.sparse.csc_matrix[np.float64]
     source: NDArray[np.intp]
     sign: NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class StackedRows:
 class Block:
     """Some rows of a matrix, times a sign; `offset` is the index of its first value in the data for `refresh`."""
 
-    matrix: sp.csc_array[np.float64]
+    matrix: scipy.sparse.csc_array[np.float64]
     rows: NDArray[np.intp]
     sign: float
     offset: int = 0
@@ -77,14 +77,14 @@ def stack_rows(blocks: Sequence[Block], data: NDArray[np.float64]) -> StackedRow
     # native layouts hold int32 indices: others would be converted at every call
     indptr = np.concatenate(([0], np.cumsum(np.bincount(column, minlength=width)))).astype(np.int32)
     entries = (np.empty(row.size), row[order].astype(np.int32), indptr)
-    stacked = sp.csc_matrix(entries, shape=(height, width))
+    stacked = scipy.sparse.csc_matrix(entries, shape=(height, width))
     result = StackedRows(stacked, np.concatenate(sources)[order], np.concatenate(signs)[order])
     result.refresh(data)
     return result
 
 
-def native_csc(matrix: sp.csc_array[np.float64]) -> sp.csc_matrix[np.float64]:
+def native_csc(matrix: scipy.sparse.csc_array[np.float64]) -> scipy.sparse.csc_matrix[np.float64]:
     """Return a csc_matrix with int32 indices that shares the data (native bindings do not accept csc_array)."""
-    return sp.csc_matrix(
+    return scipy.sparse.csc_matrix(
         (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)), shape=matrix.shape
     )

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import ctypes
-from ctypes import POINTER, c_double, c_int32, c_uint8, c_void_p
+from ctypes import POINTER, c_double, c_int32, c_void_p
 from enum import IntEnum
 from functools import lru_cache
+from importlib.machinery import ExtensionFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from scipy.linalg import cython_lapack
+import scipy
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from numpy.typing import NDArray
 
 LIBRARY = Path(__file__).with_name("_kernels.so")
@@ -30,25 +34,39 @@ class Outcome(IntEnum):
     OUT_OF_MEMORY = 5
 
 
+class _Doubles(c_void_p):
+    """Where an array of doubles is."""
+
+
+class _Integers(c_void_p):
+    """Where an array of 32-bit integers is."""
+
+
+class _Flags(c_void_p):
+    """Where an array of bytes is."""
+
+
+_DTYPES: dict[Any, Any] = {_Doubles: np.float64, _Integers: np.int32, _Flags: np.uint8}
+
+
 class Structure(ctypes.Structure):
     """A C structure whose pointers keep the arrays that they point into alive."""
 
+    _arrays_: ClassVar[dict[str, Any]] = {}
+
+    def __init_subclass__(cls) -> None:
+        cls._arrays_ = {field[0]: _DTYPES[field[1]] for field in cls._fields_ if field[1] in _DTYPES}
+
     def __init__(self, **values: Any) -> None:
         super().__init__()
-        self._arrays: list[NDArray[Any]] = []
-        kinds: dict[str, Any] = {field[0]: field[1] for field in self._fields_}
+        self._kept: list[NDArray[Any]] = []
         for name, value in values.items():
-            kind = kinds[name]
-            if kind in _DTYPES:
-                array = np.ascontiguousarray(value, dtype=_DTYPES[kind])
-                self._arrays.append(array)
-                setattr(self, name, ctypes.cast(array.ctypes.data, kind))
-            else:
+            if (dtype := self._arrays_.get(name)) is None:
                 setattr(self, name, value)
-
-
-_DOUBLES, _INTEGERS, _FLAGS = POINTER(c_double), POINTER(c_int32), POINTER(c_uint8)
-_DTYPES: dict[Any, Any] = {_DOUBLES: np.float64, _INTEGERS: np.int32, _FLAGS: np.uint8}
+                continue
+            array = np.ascontiguousarray(value, dtype=dtype)
+            self._kept.append(array)
+            setattr(self, name, array.__array_interface__["data"][0])
 
 
 def _fields(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -62,16 +80,16 @@ class Problem(Structure):
         *_fields(c_int32, "steps agents dimension pairs first closed end_fixed long_steps linked instants"),
         *_fields(c_int32, "dense_max demands parts continuous"),
         *_fields(c_double, "range"),
-        *_fields(_DOUBLES, "speed_max input_max speed_limit input_limit braking_input"),
-        *_fields(_FLAGS, "active"),
-        *_fields(_DOUBLES, "box_low box_high box_aside separation braking_separation pair_aside"),
-        *_fields(_FLAGS, "link"),
-        *_fields(_DOUBLES, "cell radius"),
-        *_fields(_INTEGERS, "demand_cell demand_magnitude demand_looks"),
-        *_fields(_DOUBLES, "demand_weight"),
-        *_fields(_INTEGERS, "lag"),
-        *_fields(_DOUBLES, "lag_part"),
-        *_fields(_FLAGS, "fixed"),
+        *_fields(_Doubles, "speed_max input_max speed_limit input_limit braking_input"),
+        *_fields(_Flags, "active"),
+        *_fields(_Doubles, "box_low box_high box_aside separation braking_separation pair_aside"),
+        *_fields(_Flags, "link"),
+        *_fields(_Doubles, "cell radius"),
+        *_fields(_Integers, "demand_cell demand_magnitude demand_looks"),
+        *_fields(_Doubles, "demand_weight"),
+        *_fields(_Integers, "lag"),
+        *_fields(_Doubles, "lag_part"),
+        *_fields(_Flags, "fixed"),
     ]
 
 
@@ -80,7 +98,7 @@ class Options(Structure):
 
     _fields_ = [
         *_fields(c_int32, "stages iterations stage_iterations samples"),
-        *_fields(_DOUBLES, "sharpness floor overshoot"),
+        *_fields(_Doubles, "sharpness floor overshoot"),
         *_fields(c_double, "margin penalty proximal barrier step_max small_step least_room"),
         *_fields(c_double, "feasibility limit_feasibility input_feasibility braking_tolerance braking_cost"),
         *_fields(c_double, "tie deadline_s"),
@@ -106,15 +124,29 @@ def library() -> ctypes.CDLL | None:
         found = ctypes.CDLL(str(LIBRARY))
     except OSError:
         return None
-    found.coverage_descent.argtypes = [POINTER(Problem), POINTER(Options), _DOUBLES, POINTER(Found)]
-    found.coverage_evaluate.argtypes = [POINTER(Problem), POINTER(Options), _DOUBLES, POINTER(Found)]
+    found.coverage_descent.argtypes = [POINTER(Problem), POINTER(Options), c_void_p, POINTER(Found)]
+    found.coverage_evaluate.argtypes = [POINTER(Problem), POINTER(Options), c_void_p, POINTER(Found)]
     return found
+
+
+@lru_cache(maxsize=1)
+def _cython_lapack() -> ModuleType:
+    """Return SciPy's table of LAPACK routines: its extension alone, as all of `scipy.linalg` takes 0.1 s to import."""
+    (folder,) = vars(scipy)["__path__"]
+    path = next(Path(folder, "linalg").glob("cython_lapack.*"))
+    name = "scipy.linalg.cython_lapack"
+    loader = ExtensionFileLoader(name, str(path))
+    spec = spec_from_loader(name, loader)
+    assert spec is not None
+    module = module_from_spec(spec)
+    loader.exec_module(module)
+    return module
 
 
 @lru_cache(maxsize=4)
 def lapack(name: str) -> int:
     """Return the address of a LAPACK routine that SciPy exports."""
-    capsule: Any = vars(cython_lapack)["__pyx_capi__"][name]
+    capsule: Any = vars(_cython_lapack())["__pyx_capi__"][name]
     api = ctypes.pythonapi
     api.PyCapsule_GetName.restype, api.PyCapsule_GetName.argtypes = ctypes.c_char_p, [ctypes.py_object]
     api.PyCapsule_GetPointer.restype = c_void_p
@@ -137,5 +169,5 @@ def _called(name: str, problem: Problem, options: Options, x: NDArray[np.float64
     native = library()
     assert native is not None
     found, start = Found(), np.array(x, dtype=np.float64)
-    getattr(native, name)(problem, options, ctypes.cast(start.ctypes.data, _DOUBLES), found)
+    getattr(native, name)(problem, options, start.ctypes.data, found)
     return start, found

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mpc_cover.mission.load import build_mission
 from mpc_cover.studies.mission_transforms import moved, renumbered, rotated, scaled, with_period
 from mpc_cover.studies.robustness_shapes import crowds, islands, shapes
-from mpc_cover.verification.summary import swath_bound
+from mpc_cover.verification.area_bound import swath_bound
 
 RAW = shapes()["hole"]
 

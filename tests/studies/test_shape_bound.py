@@ -9,7 +9,7 @@ from mpc_cover.mission.load import build_mission
 from mpc_cover.studies.mission_transforms import moved, scaled
 from mpc_cover.studies.robustness_shapes import crowds, islands, shapes
 from mpc_cover.studies.shape_bound import distance_bound, formation_share, reach_bound, shape_bound
-from mpc_cover.verification.summary import swath_bound
+from mpc_cover.verification.area_bound import swath_bound
 
 
 @settings(max_examples=40, deadline=None)

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from mpc_cover.information.replay import measured_at
 from mpc_cover.mission.load import build_mission, load_mission
 from mpc_cover.trajectory_file import Recording
+from mpc_cover.verification.area_bound import swath_bound
 from mpc_cover.verification.coverage_claim import check_coverage, parabola_distance
-from mpc_cover.verification.summary import look_interval, swath_bound
+from mpc_cover.verification.summary import look_interval
 
 
 def mission_of(**changes):

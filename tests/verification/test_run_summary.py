@@ -17,7 +17,6 @@ from mpc_cover.verification.summary import (
     floor_percent,
     summarise,
     summarise_steps,
-    swath_bound,
     time_to_cover,
 )
 
@@ -130,30 +129,6 @@ def test_distance_along_a_curve_is_its_length():
     position, velocity = propagate(start, force, time, speed)
     length = 0.5 * (2.0 * np.sqrt(5.0) + np.arcsinh(2.0))
     assert distance_travelled(Path(time, position, velocity, force))[0] == pytest.approx(length, rel=1e-6)
-
-
-def test_swath_bound_of_box3_is_that_of_the_design():
-    assert swath_bound(load_mission("box-3")) == pytest.approx(10.1, abs=0.05)
-
-
-def test_swath_bound_does_not_apply_to_several_magnitudes_or_space():
-    raw = json.loads(load_mission("box-3").to_json())
-    several = mission_of(raw | {"magnitudes": ["a", "b"]})
-    assert swath_bound(several) is None
-    space = mission_of(
-        raw
-        | {
-            "area": {"shape": {"kind": "box", "min_m": [0, 0, 0], "max_m": [4, 4, 4]}, "cell_size_m": 1.0},
-            "fleet": raw["fleet"] | {"agents": [{"id": "a1", "start_m": [1, 1, 1]}]},
-        }
-    )
-    assert swath_bound(space) is None
-
-
-def test_swath_bound_of_an_area_covered_from_the_start_is_none():
-    raw = json.loads(load_mission("box-3").to_json())
-    raw["fleet"]["defaults"]["sensing_radius_m"] = 20.0
-    assert swath_bound(mission_of(raw)) is None
 
 
 def test_step_times():

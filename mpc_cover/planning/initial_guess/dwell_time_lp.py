@@ -15,8 +15,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.optimize import linprog
+import scipy
 
 from mpc_cover.model.sensing import TIE
 
@@ -90,12 +89,14 @@ def solve_dwell_times(
     seen, demanded = _visibility([point for point, _ in cut], fleet, cell, looks)
     count = [len(point) for point, _ in cut]
     total = sum(count)
-    each: Any = sp.block_diag([np.ones((1, size)) for size in count])
-    within = sp.hstack([each, sp.csr_array(np.full((len(count), 1), -1.0))])
-    looked = sp.hstack([-seen, sp.csr_array((demanded.size, 1))])
-    rows: Any = sp.vstack([looked, within], format="csr")  # HiGHS takes sparse rows, which its stubs do not know
+    each: Any = scipy.sparse.block_diag([np.ones((1, size)) for size in count])
+    within = scipy.sparse.hstack([each, scipy.sparse.csr_array(np.full((len(count), 1), -1.0))])
+    looked = scipy.sparse.hstack([-seen, scipy.sparse.csr_array((demanded.size, 1))])
+    rows: Any = scipy.sparse.vstack(
+        [looked, within], format="csr"
+    )  # HiGHS takes sparse rows, which its stubs do not know
     cost = np.append(np.full(total, _IDLE_COST / total), 1.0)
-    found = linprog(
+    found = scipy.optimize.linprog(
         cost,
         A_ub=rows,
         b_ub=np.concatenate([-demanded, np.zeros(len(count))]),
@@ -120,9 +121,9 @@ def _visibility(points: list[FloatArray], fleet: Fleet, cell: FloatArray, looks:
         ]
         table = np.concatenate(near, axis=1)
         reached = table.any(axis=1)
-        blocks.append(sp.csr_array(table[reached].astype(float)))
+        blocks.append(scipy.sparse.csr_array(table[reached].astype(float)))
         demanded.append(looks[magnitude, wanted[reached]].astype(float))
-    return sp.vstack(blocks).tocsr(), np.concatenate(demanded)
+    return scipy.sparse.vstack(blocks).tocsr(), np.concatenate(demanded)
 
 
 def timed_samples(dwell_times: DwellTimes, count: int) -> FloatArray:

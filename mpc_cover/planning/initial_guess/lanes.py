@@ -7,7 +7,7 @@ from itertools import pairwise, permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -220,5 +220,5 @@ def assign_times(times: FloatArray) -> list[int]:
         table = times[np.arange(len(times)), np.array(order)]
         best = int(np.lexsort((table.sum(axis=1), np.round(table.max(axis=1), _TIME_DECIMALS)))[0])
         return list(order[best])
-    _, column = linear_sum_assignment(times**_COST_POWER)
+    _, column = scipy.optimize.linear_sum_assignment(times**_COST_POWER)
     return [int(c) for c in column]

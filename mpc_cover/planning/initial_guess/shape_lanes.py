@@ -9,7 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
+
+from mpc_cover.coverage.nearest_points import DENSE, pairwise_distance
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray, IntArray
@@ -65,7 +67,10 @@ def _pitch(turned: FloatArray, half_width: float) -> float:
     """Return the distance between rows [m]: that of neighbouring cells, but no more than part of a swath."""
     if len(turned) == 1:
         return half_width / _ROWS_MIN
-    distance = np.asarray(cKDTree(turned).query(turned, k=2)[0])[:, 1]
+    if len(turned) ** 2 <= DENSE:
+        distance = np.partition(pairwise_distance(turned, turned), 1, axis=1)[:, 1]
+    else:
+        distance = np.asarray(scipy.spatial.cKDTree(turned).query(turned, k=2)[0])[:, 1]
     positive = distance[distance > _ROUNDING * half_width]
     return min(float(np.median(positive)) if positive.size else half_width, half_width / _ROWS_MIN)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from mpc_cover.errors import InvalidInputError, Problem, UserError
 from mpc_cover.information.build import make_map, true_field
@@ -204,7 +204,7 @@ def _known_cells(old: Mission, new: Mission) -> tuple[IntArray, IntArray]:
 
 def _same_cells(old: Field, new: Field) -> tuple[IntArray, IntArray]:
     near = CENTROID_TOLERANCE * min(old.cell_size, new.cell_size)
-    distance, nearest = cKDTree(old.cell).query(new.cell, distance_upper_bound=near)
+    distance, nearest = scipy.spatial.cKDTree(old.cell).query(new.cell, distance_upper_bound=near)
     here = np.flatnonzero(np.isfinite(distance))
     return np.asarray(nearest)[here], here
 
