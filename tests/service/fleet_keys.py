@@ -11,7 +11,7 @@ from mpc_cover.service.protocol.transport import open_transport
 LOOPBACK = ("127.0.0.1", "localhost")
 
 
-def make_fleet(folder, *, name="fleet", agents=("a1", "a2"), days=1.0, hosts=None):
+def make_fleet(folder, *, name="fleet", agents=("a1", "a2"), days=30.0, hosts=None):
     """Write the keys of a fleet; return its folder."""
     write_fleet(folder, name, agents, {"controller": LOOPBACK, "router": LOOPBACK, **(hosts or {})}, days)
     return folder

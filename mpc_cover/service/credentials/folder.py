@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.types import PrivateKeyTypes
 
 
+SOON = dt.timedelta(days=7)
+"""How long before they expire credentials are warned of; a plain choice."""
+
+
 class CredentialsError(UserError):
     """Credentials that are missing, damaged, expired, or somebody else's."""
 
@@ -36,6 +40,7 @@ class Credentials:
     ----------
     folder : where the certificate, its key and that of the authority lie, for TLS.
     fleet, role : of whom they are: the controller, an agent by its id, the operator, a viewer, a router.
+    hosts : the names and addresses at which it may listen.
     signers : the keys that messages are signed with, by role.
     signing_key : its own; None for who says nothing that others act upon.
     """
@@ -43,6 +48,7 @@ class Credentials:
     folder: Path
     fleet: str
     role: str
+    hosts: tuple[str, ...]
     signers: Mapping[str, Ed25519PublicKey]
     signing_key: Ed25519PrivateKey | None
 
@@ -86,7 +92,15 @@ def load_credentials(folder: Path, warn: Callable[[str], None]) -> Credentials:
     _check_issuer(folder, certificate, authority)
     role = _common_name(certificate)
     signers = _signers(folder / roles.SIGNERS_FILE)
-    return Credentials(folder.absolute(), _fleet(authority), role, signers, _signing_key(folder, role, signers, warn))
+    signing_key = _signing_key(folder, role, signers, warn)
+    _warn_of_expiry(folder, min(certificate.not_valid_after_utc, authority.not_valid_after_utc), warn)
+    return Credentials(folder.absolute(), _fleet(authority), role, _hosts(certificate), signers, signing_key)
+
+
+def _warn_of_expiry(folder: Path, end: dt.datetime, warn: Callable[[str], None]) -> None:
+    """Warn of credentials that will soon hold no longer."""
+    if end - dt.datetime.now(dt.UTC) < SOON:
+        warn(f"credentials {folder}: hold only until {end:%Y-%m-%d %H:%M} UTC: connections end then")
 
 
 def _certificate(path: Path) -> x509.Certificate:
@@ -166,6 +180,14 @@ def _read(path: Path) -> bytes:
 def _common_name(certificate: x509.Certificate) -> str:
     found = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     return str(found[0].value) if found else ""
+
+
+def _hosts(certificate: x509.Certificate) -> tuple[str, ...]:
+    try:
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        return ()
+    return tuple(str(name.value) for name in names)
 
 
 def _fleet(certificate: x509.Certificate) -> str:

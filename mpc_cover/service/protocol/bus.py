@@ -64,16 +64,24 @@ class Inbox:
 
     `verify`, where there is one, returns an item without its signature, or raises RejectedError: those are turned away
     before anybody looks at them. It is called by who empties the queue, so that a flood costs no more than its depth.
+    `admit` may raise RejectedError, too: it is asked at once, so that nobody's flood takes up the room of others.
     """
 
     def __init__(self, depth: int) -> None:
         self._items: deque[Received] = deque(maxlen=depth)
         self._refused: deque[RejectedError] = deque(maxlen=depth)
         self.verify: Callable[[Received], Received] | None = None
+        self.admit: Callable[[Received], None] | None = None
         self.dropped = 0
 
     def put(self, item: Received) -> None:
         """Add a received payload."""
+        if self.admit is not None:
+            try:
+                self.admit(item)
+            except RejectedError as error:
+                self._refused.append(error)
+                return
         if len(self._items) == self._items.maxlen:
             self.dropped += 1
         self._items.append(item)

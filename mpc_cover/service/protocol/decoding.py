@@ -35,6 +35,7 @@ class Reason(StrEnum):
     SCHEMA = "schema"
     UNSIGNED = "not signed"
     FORGED = "wrongly signed"
+    FLOOD = "too many messages"
     NOT_FINITE = "not finite"
     SHAPE = "shape"
     WRONG_AGENT = "wrong agent"

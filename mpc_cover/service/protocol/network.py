@@ -169,6 +169,12 @@ def check_secure(endpoint: str, kind: str, options: NetworkOptions) -> None:
     if options.credentials is not None:
         if protocol != TLS:
             raise TransportError(f"endpoint {endpoint!r}: with --credentials it must be {TLS}/{address}")
+        if kind == "listen" and not options.credentials.hosts:
+            who = options.credentials.role
+            right = f"make keys with `--host {who}=ADDRESS` for it, or let it connect to a router by -e"
+            raise TransportError(
+                f"endpoint {endpoint!r} to listen on: the certificate of {who} is for no address: {right}"
+            )
     elif not (options.insecure or is_local(endpoint)):
         text = "another machine can listen in, and steer the fleet" if kind == "listen" else "leads to another machine"
         right = "give --credentials DIR, or --insecure if that is wanted"

@@ -14,7 +14,8 @@ from mpc_cover.service.credentials.roles import CONTROLLER, OPERATOR
 from mpc_cover.service.credentials.signature import SIGNATURE_BYTES, SignatureError, is_signed, sign, verify
 from mpc_cover.service.protocol.bus import RequestError
 from mpc_cover.service.protocol.decoding import MAX_PAYLOAD, Reason, RejectedError
-from mpc_cover.service.protocol.keys import agent_of, is_command
+from mpc_cover.service.protocol.keys import ANY, agent_of, is_command
+from mpc_cover.service.protocol.rate_limit import RateLimit
 
 if TYPE_CHECKING:
     from mpc_cover.service.credentials.folder import Credentials
@@ -71,7 +72,17 @@ class SignedTransport:
     def inbox(self, pattern: str, depth: int, *, history: int = 0) -> Inbox:
         """Return a bounded queue of what is published on matching keys; who drains it gets what is genuine."""
         inbox = self._inner.inbox(pattern, depth, history=history)
-        inbox.verify = self._genuine
+        limit = RateLimit()
+        shared = ANY in pattern
+
+        def admit(item: Received) -> None:
+            author = author_of(item.key)
+            if author not in self._credentials.signers:
+                raise RejectedError(Reason.FORGED, f"{author} is not of fleet {self._credentials.fleet}")
+            if shared and not limit.allows(author, item.received_s):
+                raise RejectedError(Reason.FLOOD, f"of {author}")
+
+        inbox.admit, inbox.verify = admit, self._genuine
         return inbox
 
     def announce(self, key: str) -> None:

@@ -65,6 +65,13 @@ def test_a_folder_that_is_not_there_and_one_of_a_whole_fleet(made):
     assert "give the folder of one role: a1, a2, controller, operator, router, viewer" in refused(made)
 
 
+def test_credentials_that_will_soon_expire_are_warned_of(fleet):
+    said = []
+    load_credentials(make_fleet(fleet / "short", days=6.9) / "a1", said.append)
+    assert len(said) == 1
+    assert f"credentials {fleet}/short/a1: hold only until 20" in said[0]
+
+
 FILES = ["ca.pem", "certificate.pem", "key.pem", "signing-key.pem", "signers.json"]
 
 

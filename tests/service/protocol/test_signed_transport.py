@@ -12,6 +12,7 @@ from service_fakes import Bench, straight_plan
 from sweep_laws import StraightSweepLaw
 
 from mpc_cover.service.controller.commands import CommandServer
+from mpc_cover.service.controller.fleet_monitor import FleetMonitor
 from mpc_cover.service.credentials.signature import sign
 from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.decoding import Reason, decode_plan
@@ -160,6 +161,35 @@ def test_a_state_that_another_agent_signed_is_counted_and_said_and_changes_nothi
     assert after.rejected == {Reason.FORGED: 1, Reason.UNSIGNED: 1}
     assert before.seq < after.links[0].state.seq < 2**30
     assert events(bench, "state-refused") == ["ignores a state: wrongly signed: wrongly signed: must be signed by a1"]
+
+
+def test_a_flood_of_one_agent_takes_no_room_of_another_and_bounded_time(bench, mission, who):
+    """20,000 messages that an agent with its own certificate sends on its own key, between two ticks."""
+    monitor = FleetMonitor(mission, SignedTransport(bench.bus.join(), who["controller"]))
+    agents = [bench.agent("a1"), bench.agent("a2")]
+    bench.run(seconds=0.35)
+    flood = bench.bus.join().publisher(bench.keys.state("a1"), bus.STATE)
+    forged = signed(who, "a2", bench.keys.state("a1"), bench.states("a1")[-1])
+    for _ in range(20_000):
+        flood.publish(forged)
+    bench.run(seconds=0.1)
+    begin = time.process_time()
+    monitor.receive()
+    assert time.process_time() - begin < 1.0, "a tenth, on a machine with nothing else to do"
+    assert monitor.links[1].state.seq == agents[1]._seq - 1
+    assert monitor.rejected[Reason.FORGED] <= 1024
+    assert monitor.rejected[Reason.FLOOD] >= 1024
+    bench.run(seconds=1.0)
+    monitor.receive()
+    assert monitor.links[0].state.seq == agents[0]._seq - 1, "and it is heard again, once it is over"
+
+
+def test_nobody_outside_the_fleet_is_an_agent_of_it(bench, who):
+    inbox = SignedTransport(bench.bus.join(), who["controller"]).inbox(bench.keys.state(), 8)
+    stranger = bench.bus.join().publisher(bench.keys.state("a9"), bus.STATE)
+    stranger.publish(sign(who["a1"].signing_key, bench.keys.state("a9"), b'{"schema":1}'))
+    assert not inbox.drain()
+    assert [str(error) for error in inbox.take_refused()] == ["wrongly signed: a9 is not of fleet fleet"]
 
 
 def command(who, role, key, *, to, request="r1"):
