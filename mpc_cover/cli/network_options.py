@@ -52,7 +52,8 @@ def network_options(
     default: Literal["connect", "listen"] | None = None,
 ) -> NetworkOptions:
     """Return the options; without endpoints and a configuration, a `default` one is connected to, or listened on."""
-    from mpc_cover.service.protocol.network import NetworkOptions, check_endpoint, check_secure, default_endpoint  # noqa: PLC0415
+    from mpc_cover.service.protocol.network import NetworkOptions, check_endpoint, default_endpoint  # noqa: PLC0415
+    from mpc_cover.service.protocol.secure_network import check_secure  # noqa: PLC0415
 
     if not math.isfinite(timeout) or timeout < 0.0:
         raise UserError(f"--connect-timeout {timeout:g}: must be a number of seconds, 0 or more")
@@ -63,7 +64,7 @@ def network_options(
     options = NetworkOptions(tuple(listen or ()), tuple(connect or ()), config, timeout, credentials, insecure)
     for kind, endpoints in (("listen", options.listen), ("connect", options.connect)):
         for each in endpoints:  # before any work; those of a configuration are checked when it is read
-            check_secure(check_endpoint(each), kind, options)
+            check_secure(check_endpoint(each), kind, credentials, insecure=insecure)
     return options
 
 

@@ -108,6 +108,8 @@ def test_what_does_not_go_with_credentials(refused, fleet, command):
     own = ("--credentials", fleet / WHO[command[0]])
     message = refused(*command, *own, "-e", "tcp/127.0.0.1:7474")
     assert "endpoint 'tcp/127.0.0.1:7474': with --credentials it must be tls/127.0.0.1:7474" in message
+    weaker = "tls/127.0.0.1:7474#enable_mtls=false"
+    assert "must leave to --credentials what it says of certificates" in refused(*command, *own, "-e", weaker)
     assert "--insecure: leave it out with --credentials" in refused(*command, *own, "--insecure")
 
 
@@ -132,6 +134,7 @@ def test_off_loopback_credentials_are_asked_for(refused, command, endpoint):
         '{listen: {endpoints: ["tcp/0.0.0.0:7474"]}}',
         '{listen: {endpoints: {peer: ["tcp/192.0.2.1:7474"]}}}',
         '{mode: "peer"}',  # listens on every interface
+        "{scouting: {multicast: {enabled: true}}, listen: {endpoints: []}}",
         '{mode: "client", connect: {endpoints: ["tcp/192.0.2.1:7474"]}}',
     ],
 )

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import ipaddress
 import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mpc_cover.service.credentials import roles
 from mpc_cover.service.credentials.signature import SIGNATURE_BYTES
-from mpc_cover.service.protocol.access import access_control
 from mpc_cover.service.protocol.bus import TransportError
 from mpc_cover.service.protocol.decoding import MAX_PAYLOAD
+from mpc_cover.service.protocol.secure_network import TLS, check_scouting, check_secure, mode_of, secure_settings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -21,9 +19,6 @@ if TYPE_CHECKING:
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7474"
 """Where `serve` listens and `agent` connects by default."""
-TLS = "tls"
-LOCAL_PROTOCOLS = {"unixsock-stream", "unixpipe"}
-"""Those that never leave the machine."""
 ZENOH_LEASE_MS = 10_000
 LEASE_MS = 1000
 """A hung process counts as lost after this."""
@@ -53,6 +48,11 @@ class NetworkOptions:
     def where(self) -> str:
         """The endpoints, for users."""
         return ", ".join(self.listen + self.connect) or str(self.config)
+
+    @property
+    def mode(self) -> str:
+        """The mode in which to take part, where no configuration says it."""
+        return "router" if self.routes else mode_of(self.credentials, listens=bool(self.listen))
 
 
 def default_endpoint(credentials: Credentials | None) -> str:
@@ -86,11 +86,12 @@ def settings(options: NetworkOptions, configured: Callable[[str], str], attempt_
     """
     for endpoint in (*options.listen, *options.connect):
         check_endpoint(endpoint)
-    mode = json.loads(configured("mode")) or mode_of(options)
+    mode = json.loads(configured("mode")) or options.mode
     endpoints = {kind: _used(kind, options, configured, mode) for kind in ("listen", "connect")}
     for kind, each in endpoints.items():
         for endpoint in each:
-            check_secure(endpoint, kind, options)
+            check_secure(endpoint, kind, options.credentials, insecure=options.insecure)
+    check_scouting(json.loads(configured("scouting/multicast/enabled")), options.credentials, insecure=options.insecure)
     always: dict[str, object] = {
         "timestamping/enabled": True,  # AdvancedPublisher needs it
         "transport/shared_memory/enabled": False,  # leaves segments behind after SIGKILL
@@ -120,77 +121,6 @@ def settings(options: NetworkOptions, configured: Callable[[str], str], attempt_
     for key, (unset, value) in unless_set.items():
         if json.loads(configured(key)) == unset:
             yield key, json.dumps(value)
-
-
-def mode_of(options: NetworkOptions) -> str:
-    """Return the mode in which to take part.
-
-    Peers pass nothing on, and trust each other. With credentials there is somebody in the middle who enforces who may
-    say what: a router, or the controller where it listens itself; all others are its clients. Agents that listen are
-    those of the potential law: each enforces it for itself.
-    """
-    who = options.credentials
-    if options.routes:
-        return "router"
-    if who is None or (options.listen and who.role not in roles.SERVICE_ROLES):
-        return "peer"
-    return "router" if options.listen else "client"
-
-
-def secure_settings(credentials: Credentials, *, listens: bool) -> dict[str, object]:
-    """Return mutual TLS; and who listens denies whatever is not allowed.
-
-    Who only connects has to do with nobody but the one who does that.
-    """
-    folder = credentials.folder
-    certificate, key = str(folder / roles.CERTIFICATE_FILE), str(folder / roles.KEY_FILE)
-    tls = {
-        "root_ca_certificate": str(folder / roles.CA_FILE),
-        "enable_mtls": True,
-        "listen_certificate": certificate,
-        "listen_private_key": key,
-        "connect_certificate": certificate,
-        "connect_private_key": key,
-        "verify_name_on_connect": True,
-        "close_link_on_expiration": True,
-    }
-    return {"transport/link/tls": tls} | ({"access_control": access_control(credentials.agents)} if listens else {})
-
-
-def check_secure(endpoint: str, kind: str, options: NetworkOptions) -> None:
-    """Check that an endpoint to `listen` on, or to `connect` to, is one that strangers cannot use.
-
-    Raises
-    ------
-    TransportError
-        It is not encrypted, although there are credentials; or others may reach it, and there are none.
-    """
-    protocol, _, address = endpoint.partition("/")
-    if options.credentials is not None:
-        if protocol != TLS:
-            raise TransportError(f"endpoint {endpoint!r}: with --credentials it must be {TLS}/{address}")
-        if kind == "listen" and not options.credentials.hosts:
-            who = options.credentials.role
-            right = f"make keys with `--host {who}=ADDRESS` for it, or let it connect to a router by -e"
-            raise TransportError(
-                f"endpoint {endpoint!r} to listen on: the certificate of {who} is for no address: {right}"
-            )
-    elif not (options.insecure or is_local(endpoint)):
-        text = "another machine can listen in, and steer the fleet" if kind == "listen" else "leads to another machine"
-        right = "give --credentials DIR, or --insecure if that is wanted"
-        raise TransportError(f"endpoint {endpoint!r} to {kind} {'on' if kind == 'listen' else 'to'}: {text}: {right}")
-
-
-def is_local(endpoint: str) -> bool:
-    """Return whether an endpoint can be reached from this machine alone."""
-    protocol, _, address = endpoint.partition("/")
-    if protocol in LOCAL_PROTOCOLS:
-        return True
-    host = address.partition("?")[0].partition("#")[0].rpartition(":")[0].strip("[]")
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def _used(kind: str, options: NetworkOptions, configured: Callable[[str], str], mode: str) -> list[str]:

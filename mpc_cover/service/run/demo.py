@@ -10,7 +10,8 @@ from mpc_cover.service.agent.recorder import read_record
 from mpc_cover.service.controller.step_log import StepKind, read_steps
 from mpc_cover.service.credentials.folder import load_credentials
 from mpc_cover.service.credentials.roles import ROUTER
-from mpc_cover.service.protocol.network import TLS, NetworkOptions
+from mpc_cover.service.protocol.network import NetworkOptions
+from mpc_cover.service.protocol.secure_network import TLS
 from mpc_cover.service.protocol.transport import open_transport
 from mpc_cover.service.run.daemon import Signals
 from mpc_cover.service.run.demo_outcome import DemoResult, exit_status

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mpc_cover.service.protocol.bus import TransportError
-from mpc_cover.service.protocol.network import NetworkOptions, check_endpoint, is_local, settings
+from mpc_cover.service.protocol.network import NetworkOptions, check_endpoint, settings
 
 
 @pytest.mark.parametrize(
@@ -23,22 +23,6 @@ def test_what_is_no_endpoint_is_told(endpoint):
 )
 def test_what_is_an_endpoint(endpoint):
     assert check_endpoint(endpoint) == endpoint
-
-
-@pytest.mark.parametrize(
-    "endpoint",
-    ["tcp/127.0.0.1:1", "tcp/127.8.8.8:1", "tcp/[::1]:1", "udp/localhost:1?so_rcvbuf=1", "unixsock-stream//tmp/x"],
-)
-def test_what_only_this_machine_reaches(endpoint):
-    assert is_local(endpoint)
-
-
-@pytest.mark.parametrize(
-    "endpoint",
-    ["tcp/0.0.0.0:1", "tcp/[::]:1", "tcp/10.0.0.1:1", "tcp/localhost.example:1", "tcp/127.0.0.1.example:1", "serial/x"],
-)
-def test_what_others_may_reach(endpoint):
-    assert not is_local(endpoint)
 
 
 def configured(**keys):
