@@ -8,7 +8,22 @@ from typing import Annotated
 
 import typer
 
-from mpc_cover.cli import agent, bench, check, demo, keys, plan, plot, retask, router, serve, simulate, size, study
+from mpc_cover.cli import (
+    agent,
+    bench,
+    check,
+    command,
+    demo,
+    keys,
+    plan,
+    plot,
+    retask,
+    router,
+    serve,
+    simulate,
+    size,
+    study,
+)
 from mpc_cover.cli.options import print_json
 from mpc_cover.cli.streams import guarded_streams, lost_output
 from mpc_cover.errors import UserError, problems_of
@@ -53,6 +68,7 @@ app.command()(plot.plot)
 app.command()(serve.serve)
 app.command()(agent.agent)
 app.command()(retask.retask)
+app.command()(command.command)
 app.command()(router.router)
 app.command()(size.size)
 app.add_typer(bench.app)

@@ -85,8 +85,14 @@ def test_what_keys_cannot_be_made_for(refused, options, words):
     assert words in refused("keys", "new", *options)
 
 
-SERVICES = [("serve", "box-3"), ("agent", "box-3", "--id", "a1"), ("retask", "box-3"), ("router",)]
-WHO = {"serve": "controller", "agent": "a1", "retask": "operator", "router": "router"}
+SERVICES = [
+    ("serve", "box-3"),
+    ("agent", "box-3", "--id", "a1"),
+    ("retask", "box-3"),
+    ("command", "abort", "box-3"),
+    ("router",),
+]
+WHO = {"serve": "controller", "agent": "a1", "retask": "operator", "command": "operator", "router": "router"}
 
 
 @pytest.mark.parametrize("command", SERVICES, ids=lambda command: command[0])
@@ -124,7 +130,7 @@ def test_off_loopback_credentials_are_asked_for(refused, command, endpoint):
     message = refused(*command, "-e", endpoint)
     assert f"endpoint '{endpoint}' to connect to" in message
     assert "give --credentials DIR, or --insecure if that is wanted" in message
-    if command[0] != "retask":
+    if command[0] not in {"retask", "command"}:
         assert "another machine can listen in, and steer the fleet" in refused(*command, "-l", endpoint)
 
 

@@ -2,33 +2,15 @@
 
 from __future__ import annotations
 
-import time
-import uuid
-from threading import Event
 from typing import TYPE_CHECKING
 
-from msgspec.structs import replace
-
-from mpc_cover.clock import MonotonicClock
-from mpc_cover.errors import UserError
-from mpc_cover.service.protocol.bus import NoAnswerError, RequestError
-from mpc_cover.service.protocol.decoding import MAX_PAYLOAD, RejectedError, decode_reply
-from mpc_cover.service.protocol.keys import Keys
-from mpc_cover.service.protocol.messages import CommandName, CommandRequest, encode
-from mpc_cover.service.protocol.transport import open_transport
+from mpc_cover.service.protocol.messages import CommandName
+from mpc_cover.service.run.command import command
 
 if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.protocol.bus import Transport
     from mpc_cover.service.protocol.messages import CommandReply
     from mpc_cover.service.protocol.network import NetworkOptions
-
-SHORTEST_TIMEOUT_S = 1.0
-"""Shortest time to find a controller and wait for its answer [s]."""
-LOOK_S = 0.05
-"""Pause between two looks for a controller [s]; a plain choice."""
-UNNAMED = "0" * 32
-"""Stands for a controller process, as long as its name, where it needs not be named."""
 
 
 def retask(mission: Mission, network: NetworkOptions) -> CommandReply:
@@ -41,39 +23,4 @@ def retask(mission: Mission, network: NetworkOptions) -> CommandReply:
     UserError
         The mission is too large to be sent, or the network cannot be used as asked.
     """
-    name = mission.spec.name
-    request = CommandRequest(request=uuid.uuid4().hex, mission=mission.to_json(), controller=UNNAMED)
-    if (size := len(encode(request))) > MAX_PAYLOAD:
-        right = f"must be at most {MAX_PAYLOAD} to be sent: a coarser area.weights helps"
-        raise UserError(f"mission {name}: {size} bytes: {right}")
-    transport = open_transport(network, MonotonicClock(), Event())
-    try:
-        timeout_s = max(network.connect_timeout_s, SHORTEST_TIMEOUT_S)
-        return decode_reply(_ask(transport, Keys(name), request, timeout_s))
-    except RejectedError as error:
-        raise RequestError(f"the controller of mission {name}: no reply of this version: {error}") from None
-    finally:
-        transport.close()
-
-
-def _ask(transport: Transport, keys: Keys, request: CommandRequest, timeout_s: float) -> bytes:
-    """Return the answer; a controller that is present may be busy planning, and is asked again."""
-    presence = transport.presence(keys.controller_alive)
-    while True:
-        try:
-            asked = encode(replace(request, controller=_controller(transport, keys, timeout_s)))
-            return transport.ask(keys.command(CommandName.RETASK), asked, timeout_s)
-        except NoAnswerError:
-            if not presence.alive():
-                text = f"no controller of mission {keys.mission} answers within {timeout_s:g} s"
-                raise NoAnswerError(f"{text}: is `mpc-cover serve` up, with a mission of this name?") from None
-
-
-def _controller(transport: Transport, keys: Keys, timeout_s: float) -> str:
-    """Return which controller process there is, where it wants to be named; UNNAMED for none in time."""
-    deadline_s = time.monotonic() + timeout_s
-    while transport.signed and time.monotonic() < deadline_s:
-        if there := transport.alive(keys.controller_instance(), min(timeout_s, SHORTEST_TIMEOUT_S)):
-            return there[0].rsplit("/", 1)[-1]
-        Event().wait(LOOK_S)
-    return UNNAMED
+    return command(mission.spec.name, CommandName.RETASK, network, new_mission=mission.to_json())

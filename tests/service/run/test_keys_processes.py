@@ -148,15 +148,18 @@ def test_a_fleet_flies_while_forgers_with_and_without_rights_try_everything(proc
     assert again[-1].plan is None
 
 
-def test_the_operator_retasks(processes, fleet):
+def test_the_operator_pauses_and_retasks(processes, fleet):
     processes.serve("--stay")
     for name in ("a1", "a2"):
         processes.agent(name)
     processes.wait_for("serve", "flying")
     raw = json.loads((processes.folder / "m.json").read_text())
     (processes.folder / "new.json").write_text(json.dumps({**raw, "area": {**raw["area"], "cell_size_m": 0.25}}))
-    line = ("retask", "new.json", "-e", processes.endpoint, "--credentials", str(fleet / "operator"))
-    retask = processes.start("retask", *line)
+    by = ("-e", processes.endpoint, "--credentials", str(fleet / "operator"))
+    pause = processes.start("pause", "command", "pause", "m.json", *by)
+    assert pause.wait(30.0) == 0, processes.said("pause")
+    assert processes.said("pause") == "pause: done\n"
+    retask = processes.start("retask", "retask", "new.json", *by)
     assert retask.wait(30.0) == 0, processes.said("retask")
     assert "of 192 cells are covered already; everyone comes to rest" in processes.said("retask")
 
