@@ -184,6 +184,7 @@ def test_insecure_is_said_in_every_status_line(processes):
     assert all("INSECURE, anybody may steer: " in line for line in lines)
 
 
+@pytest.mark.slow
 def test_a_demo_without_a_controller_flies_with_keys(start, fleet):
     demo = start(swarm_mission(agents=2, size=3.0), "--controller", "potential", "--speed", "8", "--credentials", fleet)
     assert demo.end(0)["outcome"] == "everything is covered"
