@@ -151,9 +151,9 @@ def verified(credentials: Credentials, role: str, topic: str, payload: bytes) ->
         raise RejectedError(Reason.FORGED, f"{role} is not of fleet {credentials.fleet}")
     try:
         return verify(key, topic, payload)
-    except SignatureError as error:
+    except SignatureError:
         reason = Reason.FORGED if is_signed(payload) else Reason.UNSIGNED
-        raise RejectedError(reason, f"{error}: must be signed by {role}") from None
+        raise RejectedError(reason, f"must be signed by {role}") from None
 
 
 def _signed(credentials: Credentials, topic: str, payload: bytes) -> bytes:

@@ -160,7 +160,7 @@ def test_a_state_that_another_agent_signed_is_counted_and_said_and_changes_nothi
     after = controller.fleet_monitor
     assert after.rejected == {Reason.FORGED: 1, Reason.UNSIGNED: 1}
     assert before.seq < after.links[0].state.seq < 2**30
-    assert events(bench, "state-refused") == ["ignores a state: wrongly signed: wrongly signed: must be signed by a1"]
+    assert events(bench, "state-refused") == ["ignores a state: wrongly signed: must be signed by a1"]
 
 
 def test_a_flood_of_one_agent_takes_no_room_of_another_and_bounded_time(bench, mission, who):
