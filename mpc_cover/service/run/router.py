@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from mpc_cover.clock import MonotonicClock
 from mpc_cover.service.protocol.transport import open_transport
 from mpc_cover.service.run.daemon import Signals
-from mpc_cover.service.run.serve import follow_parent, say, told
+from mpc_cover.service.run.serve import follow_parent, speaker
 
 if TYPE_CHECKING:
     from mpc_cover.service.protocol.network import NetworkOptions
@@ -28,7 +28,7 @@ def run_router(network: NetworkOptions, *, with_parent: bool = False) -> int:
             transport = open_transport(replace(network, routes=True), MonotonicClock(), signals.stop)
         except InterruptedError:
             return signals.exit_status
-        say(f"{told(network)}passes messages on at {network.where}")
+        speaker(network)(f"passes messages on at {network.where}")
         signals.stop.wait()
         transport.close()
         return signals.exit_status

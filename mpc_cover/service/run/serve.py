@@ -94,11 +94,12 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
             refuse_second(mission, transport, signals.stop)
             transport.announce(Keys(mission.spec.name).controller_instance(identity))  # before what takes a second
             meta = {"seed": options.seed, "backend": options.backend}
-            record = None if place is None else ServedRun(mission, place, meta, options.speed, say)
-            say(f"{told(network)}controls {mission.spec.name} at {network.where}")
-            controller = _controller(mission, options, folder, transport, clock, identity, record)
+            tell = speaker(network)
+            record = None if place is None else ServedRun(mission, place, meta, options.speed, tell)
+            tell(f"controls {mission.spec.name} at {network.where}")
+            controller = _controller(mission, options, folder, transport, clock, identity, record, tell)
             look_s = mission.spec.control.state_period_s
-            lines = _StatusLines(controller, told(network))
+            lines = _StatusLines(controller, tell)
             run(controller, clock, signals.stop, lines.after_tick, look_s, controller.idle)
         finally:
             transport.close()
@@ -150,7 +151,7 @@ def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: N
     from mpc_cover.service.agent.agent import Agent  # noqa: PLC0415 - the controller needs none
 
     check_agent_id(mission, agent_id)
-    text = f"{told(network)}{agent_id}: agent of {mission.spec.name}, reaches {network.where}"
+    text = f"{agent_id}: agent of {mission.spec.name}, reaches {network.where}"
     agent, status = run_agent_process(Agent, mission, agent_id, options, network, text)
     if agent is not None and agent.taken_by:
         own = f"this one is instance {agent.instance[:8]}"
@@ -161,9 +162,9 @@ def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: N
     return status
 
 
-def told(network: NetworkOptions) -> str:
-    """Return what every status line begins with where anybody may steer the fleet."""
-    return "INSECURE, anybody may steer: " if network.insecure else ""
+def speaker(network: NetworkOptions) -> Callable[[str], None]:
+    """Return what writes the lines of a process: each begins with a warning where anybody may steer the fleet."""
+    return (lambda text: say(f"INSECURE, anybody may steer: {text}")) if network.insecure else say
 
 
 def check_agent_id(mission: Mission, agent_id: str) -> None:
@@ -200,7 +201,8 @@ def run_agent_process(
         except InterruptedError:
             return None, signals.exit_status
         try:
-            say(text)
+            tell = speaker(network)
+            tell(text)
             agent = make(
                 mission,
                 agent_id,
@@ -210,7 +212,7 @@ def run_agent_process(
                 speed=options.speed,
                 seed=options.seed,
                 recorder=recorder,
-                say=say,
+                say=tell,
             )
             run(agent, clock, signals.stop)
         finally:
@@ -232,6 +234,7 @@ def _controller(
     clock: Clock,
     identity: str,
     record: ServedRun | None,
+    tell: Callable[[str], None],
 ) -> Controller:
     from mpc_cover.control.factory import make_control_law  # noqa: PLC0415 - heavy
     from mpc_cover.service.controller.checkpoint import FileCheckpoints  # noqa: PLC0415 - only here
@@ -243,7 +246,7 @@ def _controller(
     if options.fresh and resume:
         resume, text = None, "starts afresh, as asked; the checkpoint is not used"
     if text:
-        say(text)
+        tell(text)
     law_for = partial(make_control_law, backend=options.backend, seed=options.seed)
     return Controller(
         mission,
@@ -259,7 +262,7 @@ def _controller(
         law_for=law_for,
         versions=checkpoints.versions,
         step_log=StepLog(options.step_log or (record.step_log if record is not None else None)),
-        say=say,
+        say=tell,
         recorders=record.recorders if record is not None else (),
     )
 
@@ -267,8 +270,8 @@ def _controller(
 class _StatusLines:
     """Writes the controller's status periodically; outside of a flight, only when it says something else."""
 
-    def __init__(self, controller: Controller, begin: str) -> None:
-        self._controller, self._begin = controller, begin
+    def __init__(self, controller: Controller, tell: Callable[[str], None]) -> None:
+        self._controller, self._tell = controller, tell
         self._due_s = 0.0
         self._last = ""
 
@@ -279,13 +282,13 @@ class _StatusLines:
         self._due_s = time.monotonic() + STATUS_EVERY_S
         covered = 100 * status.covered_count // status.cell_count
         line = (
-            f"{self._begin}{status.phase}: {status.mission_time_s:.1f} s, {covered} % covered, "
+            f"{status.phase}: {status.mission_time_s:.1f} s, {covered} % covered, "
             f"step {status.step_ms:.0f} ms, {status.deadline_misses} deadlines missed"
             + (f"; {status.text}" if status.text != status.phase else "")
         )
         if line != self._last or status.phase is Phase.FLYING:
             self._last = line
-            say(line)
+            self._tell(line)
 
 
 def follow_parent(wanted: bool, stop: Event) -> None:

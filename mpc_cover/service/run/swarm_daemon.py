@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from mpc_cover.distributed.setup import check_flyable
 from mpc_cover.service.protocol.network import default_endpoint
-from mpc_cover.service.run.serve import check_agent_id, run_agent_process, told
+from mpc_cover.service.run.serve import check_agent_id, run_agent_process
 from mpc_cover.service.swarm.agent import SwarmAgent
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def run_swarm_agent(mission: Mission, agent_id: str, options: AgentOptions, netw
     check_agent_id(mission, agent_id)
     check_flyable(mission)
     network = _with_default_endpoints(mission, agent_id, network)
-    text = f"{told(network)}{agent_id}: agent of {mission.spec.name} without a controller, at {network.where}"
+    text = f"{agent_id}: agent of {mission.spec.name} without a controller, at {network.where}"
     agent, status = run_agent_process(SwarmAgent, mission, agent_id, options, network, text)
     return status if agent is None or agent.exit_status is None else agent.exit_status
 

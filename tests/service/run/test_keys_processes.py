@@ -179,7 +179,7 @@ def test_insecure_is_said_in_every_status_line(processes):
     endpoint = f"tcp/0.0.0.0:{free_port()}"
     processes.start("open", "serve", "m.json", "-l", endpoint, "--insecure")
     processes.wait_for("open", "a1 is not here")
-    lines = [line for line in processes.said("open").splitlines() if "waiting" in line or "controls" in line]
+    lines = processes.said("open").splitlines()
     assert len(lines) >= 2
     assert all("INSECURE, anybody may steer: " in line for line in lines)
 
