@@ -94,6 +94,8 @@ def test_an_agent_can_write_nothing_of_another_and_no_plan(join):
     def arrives():
         for key in forged:
             a2.publisher(key, bus.PLAN).publish(MARK)
+        for key in (KEYS.state(), KEYS.plan(), f"{KEYS.root}/**"):  # one that stands for several is no way round
+            a2._inner._session.put(key, MARK)
         a2.announce(KEYS.agent_alive("a1", "forged"))
         a2.announce(KEYS.controller_instance("forged"))
         own.publish(MARK)
@@ -120,14 +122,18 @@ def test_an_agent_does_not_overhear_the_plan_of_another(join):
     until(arrives)
     assert not payloads(inboxes[KEYS.plan("a2")])
     assert {item.key for item in inboxes[KEYS.plan()].drain()} <= {KEYS.plan("a1")}
+    late = [a1.inbox(key, 8, history=8) for key in (KEYS.plan("a2"), KEYS.plan(), KEYS.plan("a1"))]
+    until(lambda: payloads(late[-1]))
+    assert {item.key for inbox in late for item in inbox.drain()} <= {KEYS.plan("a1")}, "not from before either"
 
 
-def test_a_viewer_can_command_nothing_and_the_operator_can(join):
-    controller, viewer, operator = join("controller"), join("viewer"), join("operator")
+def test_viewers_and_agents_can_command_nothing_and_the_operator_can(join):
+    controller, operator, others = join("controller"), join("operator"), [join("viewer"), join("a1")]
     requests = controller.requests(KEYS.command(), 8)
     requests.verify = None
-    with pytest.raises(NoAnswerError):
-        viewer.ask(KEYS.command("abort"), MARK, 0.5)
+    for other in others:
+        with pytest.raises(NoAnswerError):
+            other.ask(KEYS.command("abort"), MARK, 0.2)
     assert requests.keys() == []
     with pytest.raises(NoAnswerError):
         operator.ask(KEYS.command("abort"), MARK, 0.3)
