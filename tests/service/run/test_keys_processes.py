@@ -4,6 +4,8 @@ import json
 import re
 import subprocess
 import sys
+import time
+from threading import Event
 
 import msgspec
 import pytest
@@ -17,7 +19,7 @@ from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.bus import NoAnswerError
 from mpc_cover.service.protocol.decoding import decode_event, decode_plan, decode_state, decode_status
 from mpc_cover.service.protocol.keys import Keys
-from mpc_cover.service.protocol.messages import CommandRequest, encode
+from mpc_cover.service.protocol.messages import CommandRequest, PlanMessage, encode
 from mpc_cover.service.run.processes import free_port
 
 KEYS = Keys("small")
@@ -182,6 +184,51 @@ def test_insecure_is_said_in_every_status_line(processes):
     lines = processes.said("open").splitlines()
     assert len(lines) >= 2
     assert all("INSECURE, anybody may steer: " in line for line in lines)
+
+
+@pytest.mark.slow
+def test_ten_thousand_forged_messages_a_second_are_not_accepted_and_no_period_is_missed(processes, join, fleet):
+    """Half are plans by another agent's certificate, half states of an agent by its own, without its signing key."""
+    raw = json.loads(small_mission(12.0).to_json())
+    (processes.folder / "m.json").write_text(json.dumps(raw))
+    processes.serve("--speed", "1")
+    for name in ("a1", "a2"):
+        processes.agent(name, "--speed", "1")
+    processes.wait_for("serve", "controller: flying")
+    viewer, a1, a2 = join("viewer"), join("a1"), join("a2")
+    states = viewer.inbox(KEYS.state("a1"), 4096, history=8)
+    genuine = decode_state(until(states.drain)[-1].payload, 2)
+    wrong = encode(msgspec.structs.replace(genuine, seq=2**40, position=[2.9, 3.9]))
+    plan = straight_message(genuine)
+    channels = [
+        (a2._inner.publisher(KEYS.plan("a1"), bus.PLAN), sign(load(fleet, "a2").signing_key, KEYS.plan("a1"), plan)),
+        (
+            a1._inner.publisher(KEYS.state("a1"), bus.STATE),
+            sign(load(fleet, "a2").signing_key, KEYS.state("a1"), wrong),
+        ),
+    ]
+    begin, sent, pause = time.monotonic(), 0, Event()
+    while time.monotonic() < begin + 5.0:
+        for _ in range(10):
+            for publisher, payload in channels:
+                publisher.publish(payload)
+                sent += 1
+        pause.wait(max(0.0, begin + sent / 10_000 - time.monotonic()))
+    assert sent > 40_000
+    processes.wait_for("serve", "everything is covered and everyone is at rest")
+    flown = [decode_state(item.payload, 2) for item in states.drain()]
+    assert all(state.seq < 2**30 for state in flown)
+    assert {state.plan.epoch for state in flown if state.plan} == {1}
+    assert re.findall(r"(\d+) deadlines missed", processes.said("serve"))[-1] == "0"
+    assert "too many messages: of a1" in processes.said("serve")
+
+
+def straight_message(state):
+    """Return a plan for an agent of an epoch that nobody has, to stay where it is."""
+    rest = {"position": [state.position] * 2, "velocity": [[0.0, 0.0]] * 2, "input": [[0.0, 0.0]]}
+    times = {"start_s": state.time_s, "valid_until_s": state.time_s + 100.0, "period_s": 0.5}
+    identity = {"agent": "a1", "instance": state.instance, "controller": "forger"}
+    return encode(PlanMessage(epoch=1000, seq=0, **identity, **times, **rest))
 
 
 @pytest.mark.slow
