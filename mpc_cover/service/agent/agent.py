@@ -203,6 +203,7 @@ class Agent:
             reference_position=reference[0].tolist() if reference else None,
             reference_velocity=reference[1].tolist() if reference else None,
             refused=self._refused,
+            controller=self._controllers.controller,
         )
         self._seq += 1
         if self._recorder:

@@ -48,6 +48,11 @@ class ControllerWatch:
         self._signed = transport.signed
         self._newest: tuple[int, str, int] = -1, "", -1
 
+    @property
+    def controller(self) -> str:
+        """The controller process that was heard last; empty before the first."""
+        return self._controller
+
     def tick(self, now_s: float) -> None:
         """Take in what was heard by `now_s` of the agent's clock [s]."""
         for item in self._statuses.drain():

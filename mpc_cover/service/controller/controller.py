@@ -110,6 +110,7 @@ class Controller:
         )
         self.fleet_monitor, self._law_for = self._measurements.monitor, law_for
         self.fleet_monitor.earlier_versions = list(versions)
+        self.fleet_monitor.identity = identity
         self._publisher = PlanPublisher(mission, transport, epoch, identity)
         self._record = FlightRecord(recorders, mission.fleet, self._publisher.find) if recorders else None
         self.fleet_monitor.on_state = self._record.add if self._record else None

@@ -66,7 +66,8 @@ class State(Message, frozen=True, kw_only=True):
     it will switch to; `at_rest` says that it stands still and has nothing left to fly. `speed` is how many
     seconds of its clock pass in a second, `mission` the fingerprint of its mission. A disturbed agent also
     reports the state that it tracks: `reference_position` and `reference_velocity`. `refused` is the plan
-    that it rejected last, unless it has accepted one since.
+    that it rejected last, unless it has accepted one since. `controller` is the process of the controller that it has
+    heard last: what was recorded before that one began cannot name it.
     """
 
     agent: Id
@@ -83,6 +84,7 @@ class State(Message, frozen=True, kw_only=True):
     reference_position: Vector | None = None
     reference_velocity: Vector | None = None
     refused: PlanRef | None = None
+    controller: Text = ""
 
 
 class PlanMessage(Message, frozen=True, kw_only=True):

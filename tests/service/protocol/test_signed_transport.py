@@ -163,6 +163,35 @@ def test_a_state_that_another_agent_signed_is_counted_and_said_and_changes_nothi
     assert events(bench, "state-refused") == ["ignores a state: wrongly signed: must be signed by a1"]
 
 
+def test_states_of_before_are_no_agent_that_is_ready(mission, who):
+    """Everything that an agent said in an earlier flight is sent again, its presence, too, and the agent is cut off."""
+    sign_as = {"sign": lambda role, transport: SignedTransport(transport, who[role])}
+    earlier = Bench(mission, **sign_as)
+    for name in ("a1", "a2"):
+        earlier.agent(name)
+    former = earlier.controller(StraightSweepLaw(mission), identity="former")
+    earlier.run(former, until=lambda: former.done)
+    recorded = [item.payload for item in earlier.hear(earlier.keys.state("a1")).drain()]
+    assert len(recorded) > 20
+    bench = Bench(mission, **sign_as)
+    bench.agent("a2")
+    controller = bench.controller(StraightSweepLaw(mission), identity="present")
+    bench.run(controller, seconds=1.0)
+    seen = controller.coverage.covered_count
+    router = bench.bus.join()
+    router.announce(bench.keys.agent_alive("a1", "a1-life"))
+    publisher, left, texts = router.publisher(bench.keys.state("a1"), bus.Quality("DATA")), iter(recorded), set()
+
+    def replay(_):
+        publisher.publish(next(left, recorded[-1]))
+        texts.add(controller.heartbeat.text)
+
+    bench.run(controller, seconds=8.0, after=replay)
+    assert controller.phase is Phase.WAITING
+    assert "a1 has not heard this controller yet" in texts
+    assert controller.coverage.covered_count == seen, "what was measured in another flight is not measured in this one"
+
+
 def test_a_flood_of_one_agent_takes_no_room_of_another_and_bounded_time(bench, mission, who):
     """20,000 messages that an agent with its own certificate sends on its own key, between two ticks."""
     monitor = FleetMonitor(mission, SignedTransport(bench.bus.join(), who["controller"]))
