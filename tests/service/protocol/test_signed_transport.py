@@ -8,7 +8,7 @@ import time
 import msgspec
 import pytest
 from fleet_keys import load, make_fleet
-from service_fakes import Bench, straight_plan
+from service_fakes import Bench, CheckpointsInMemory, straight_plan
 from sweep_laws import StraightSweepLaw
 
 from mpc_cover.service.controller.commands import CommandServer
@@ -190,6 +190,24 @@ def test_states_of_before_are_no_agent_that_is_ready(mission, who):
     assert controller.phase is Phase.WAITING
     assert "a1 has not heard this controller yet" in texts
     assert controller.coverage.covered_count == seen, "what was measured in another flight is not measured in this one"
+
+
+@pytest.mark.parametrize("keys", [False, True], ids=["without keys", "with keys"])
+def test_what_was_measured_while_the_controller_was_down_counts_all_the_same(mission, who, keys):
+    bench = Bench(mission, sign=(lambda role, transport: SignedTransport(transport, who[role])) if keys else None)
+    agents, checkpoints = [bench.agent("a1"), bench.agent("a2")], CheckpointsInMemory()
+    former = bench.controller(StraightSweepLaw(mission), identity="former", checkpoints=checkpoints)
+    bench.run(former, until=lambda: former.phase is Phase.FLYING)
+    bench.run(former, seconds=1.2)
+    before = former.coverage.covered_count
+    bench.run(seconds=8.0)
+    assert all(agent.at_rest for agent in agents)
+    law, resume = StraightSweepLaw(mission), checkpoints.kept
+    present = bench.controller(law, identity="present", epoch=2, resume=resume)
+    bench.run(present, seconds=0.6)
+    assert present.coverage.covered_count > before + 5
+    bench.run(present, until=lambda: present.done)
+    assert present.phase is Phase.COMPLETE
 
 
 def test_a_flood_of_one_agent_takes_no_room_of_another_and_bounded_time(bench, mission, who):
