@@ -185,7 +185,9 @@ def simulate(
     return SimulationResult(flown.trajectory, flown.complete, flown.outcome, flown.lost, times, tuple(flown.events))
 
 
-def check(recording: RecordingSource, *, extra: ExtraSource | None = None) -> Report:
+def check(
+    recording: RecordingSource, *, mission: MissionSource | None = None, extra: ExtraSource | None = None
+) -> Report:
     """Verify a recording by code that shares nothing with planning or control, as `mpc-cover check` does.
 
     Looked at are dynamics, limits, separation and connectivity along the continuous path, and the coverage that is
@@ -193,23 +195,27 @@ def check(recording: RecordingSource, *, extra: ExtraSource | None = None) -> Re
 
     Parameters
     ----------
+    mission : what the recording is judged by, agents told apart by their ids; left out, the mission that the recording
+        holds, which whoever edits the one may edit as well.
     extra : as of `plan`: its constraints are further checks, at the samples.
 
     Raises
     ------
     UserError
-        The file cannot be read, or something is wrong with what `extra` returns. What does not hold is in the report,
-        and is no error.
+        The file cannot be read, the mission is of other agents, or something is wrong with what `extra` returns. What
+        does not hold is in the report, and is no error.
     """
     from mpc_cover.verification.check import check_trajectory  # noqa: PLC0415 - as above
 
     loaded = load_trajectory(recording)
-    report = check_trajectory(loaded)
+    given = None if mission is None else load_mission(mission)
+    report = check_trajectory(loaded, given)
     if (own := _extra(extra)) is None:
         return report
     from mpc_cover.planning.cvxpy_extra.checks import with_extra  # noqa: PLC0415 - as above
+    from mpc_cover.verification.judged import judged_by  # noqa: PLC0415
 
-    return with_extra(report, loaded, own)
+    return with_extra(report, loaded if given is None else judged_by(loaded, given), own)
 
 
 def plot(recording: RecordingSource, folder: str | Path, *, step_times: FloatArray | None = None) -> list[Path]:

@@ -39,7 +39,8 @@ class Recording(Trajectory):
     covered_at : (K,) [s], the first sample by which every magnitude was measured; inf where never.
     agent_id : (m,) names.
     mission : the whole mission.
-    meta : version, seed, back-end, kind (a `RecordingKind`) and further facts about the run.
+    meta : version, seed, back-end, kind (a `RecordingKind`) and further facts about the run; "seal" of real flights,
+        see `record_seal`.
     """
 
     cell: FloatArray

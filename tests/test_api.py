@@ -153,3 +153,12 @@ def test_a_mistake_is_a_user_error_that_names_it(call, said, tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     with pytest.raises(mpc_cover.UserError, match=said):
         call()
+
+
+def test_a_recording_is_judged_by_the_mission_that_is_given():
+    flown = mpc_cover.simulate(TINY).recording
+    assert mpc_cover.check(flown, mission=TINY).holds
+    slower = {**TINY["fleet"], "defaults": {**TINY["fleet"]["defaults"], "speed_max_m_per_s": 0.1}}
+    assert "speed" in {check.name for check in mpc_cover.check(flown, mission={**TINY, "fleet": slower}).failures}
+    with pytest.raises(mpc_cover.UserError, match=r"agents: .* must be those of mission l-hole"):
+        mpc_cover.check(flown, mission="l-hole")

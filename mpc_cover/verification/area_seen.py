@@ -8,6 +8,8 @@ import numpy as np
 import scipy
 
 from mpc_cover.mission.field import bounding_box, cell_weights, contains
+from mpc_cover.verification.loss_evidence import of_the_living
+from mpc_cover.verification.losses import losses_of
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import BoolArray, FloatArray
@@ -25,9 +27,10 @@ _TIE = 1e-9
 def area_seen(trajectory: Recording) -> float | None:
     """Return the part of W, 0 to 1, of which every magnitude was in range at a sample; None without a point in W.
 
-    Every point that matters counts the same, and once, whatever the mission asks for: K looks see no more area.
+    Every point that matters counts the same, and once, whatever the mission asks for: K looks see no more area. The
+    lost see none.
     """
-    point = points_of(trajectory.mission.spec.area)
+    trajectory, point = of_the_living(trajectory, losses_of(trajectory)), points_of(trajectory.mission.spec.area)
     if point.shape[0] == 0:
         return None
     seen: BoolArray = np.ones(point.shape[0], dtype=bool)
@@ -35,6 +38,7 @@ def area_seen(trajectory: Recording) -> float | None:
         near = np.zeros_like(seen)
         for reach in np.unique(radius[radius > 0.0]):
             flown = trajectory.position[:, radius == reach].reshape(-1, point.shape[1])
+            flown = flown[np.isfinite(flown).all(axis=1)]
             left = np.flatnonzero(seen & ~near)
             bound = float(reach) * (1.0 + _TIE)
             near[left] = np.isfinite(

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpc_cover.mission.config import Sensing
+from mpc_cover.verification.left_out import with_claimed_looks, with_left_out_looks
 from mpc_cover.verification.looks import rule_of, settled_at
+from mpc_cover.verification.loss_evidence import SAME_TIME, of_the_living
+from mpc_cover.verification.losses import losses_of
 from mpc_cover.verification.path import Path
 from mpc_cover.verification.report import Check, CheckName
+from mpc_cover.verification.resolution import Resolution
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -23,37 +28,55 @@ _SUM = 1e-9
 """Within this part of what is asked for, the rounding of sums decides, and either answer is honest."""
 _NO_BEND = 1e-9
 """Ratio of coefficients below which a parabola is a line, whose other roots are far outside the interval."""
+_PER_RADIUS = 16.0
+"""By how much what a look adds, in parts of what is asked for, may change with its distance in sensing radii; a bump's
+slope is at most 1.6 of its peak, and some ten looks add up. A plain choice."""
 _STRIP = 1.01
 """Half the width, in units of the reach, of the strip of cells that are looked at; 1 but for rounding."""
 _SAME_TIME = 1e-9
 _SAME_CELL = 1e-9
+_DIGITS = 4.0
+"""Rounding of a cell's coordinates, in last digits of the largest; a plain choice."""
+_EXACT = Resolution()
 
 
-def check_coverage(trajectory: Recording) -> list[Check]:
-    """Check the cells against the mission's, and `covered_at` against the discs flown (3.23, 4.29)."""
-    cells = _check_cells(trajectory)
+def check_coverage(trajectory: Recording, resolution: Resolution = _EXACT) -> list[Check]:
+    """Check the cells against the mission's, and `covered_at` against the discs flown (3.23, 4.29).
+
+    The lost measure nothing. Looks that a thinned record left out may have been what a cell is covered by.
+    """
+    cells = _check_cells(trajectory, resolution)
     if not cells.holds:
         names = (CheckName.COVERAGE_CLAIMED, CheckName.COVERAGE_KEPT)
         return [cells, *(Check(name, False, -np.inf, "s", "not looked at") for name in names)]
-    radius = trajectory.mission.fleet.radius
-    earliest = first_measured(trajectory, radius + _TIE + _DOUBT, 1.0 - _SUM)
-    latest = first_measured(trajectory, radius + _TIE - _DOUBT, 1.0 + _SUM)
-    claimed = trajectory.covered_at
+    mission = trajectory.mission
+    seen, losses, radius = replace(trajectory, cell=mission.field.cell), losses_of(trajectory), mission.fleet.radius
+    # a look more or less may move the later ones of an agent: both readings of a thinned record are honest
+    put_in = with_left_out_looks if rule_of(mission) is not None else with_claimed_looks
+    whole, doubt, early_s = put_in(seen, resolution.time_s), resolution.length, 2.0 * resolution.time_s
+    part, rim = _SUM + _PER_RADIUS * doubt / mission.fleet.sensing_radius_min, _DOUBT + doubt
+    earliest, latest = np.full(mission.field.size, np.inf), np.full(mission.field.size, -np.inf)
+    for read in (seen,) if whole is seen else (seen, whole):
+        alive, rest = of_the_living(read, losses), of_the_living(read, losses, -SAME_TIME)
+        earliest = np.minimum(earliest, first_measured(alive, radius + _TIE + rim, 1.0 - part, early_s))
+        latest = np.maximum(latest, first_measured(rest, radius + _TIE - rim, 1.0 + part, early_s))
+    claimed, same_s = trajectory.covered_at, _SAME_TIME + early_s
     return [
         cells,
-        _check_claim(CheckName.COVERAGE_CLAIMED, _difference(claimed, earliest), trajectory, earliest),
-        _check_claim(CheckName.COVERAGE_KEPT, _difference(latest, claimed), trajectory, latest),
+        _check_claim(CheckName.COVERAGE_CLAIMED, _difference(claimed, earliest), trajectory, earliest, same_s),
+        _check_claim(CheckName.COVERAGE_KEPT, _difference(latest, claimed), trajectory, latest, same_s),
     ]
 
 
-def first_measured(trajectory: Recording, radius: FloatArray, part: float = 1.0) -> FloatArray:
+def first_measured(trajectory: Recording, radius: FloatArray, part: float = 1.0, early_s: float = 0.0) -> FloatArray:
     """Return (K,) [s]: the first sample by which every magnitude was measured on each cell; inf where never.
 
     `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude. Where the mission asks for more than one
-    look, `part` of what it asks for suffices. A patrol's cells count from their first look.
+    look, `part` of what it asks for suffices, and looks may come `early_s` [s] too soon. A patrol's cells count from
+    their first look.
     """
     if (rule := rule_of(trajectory.mission)) is not None:
-        return settled_at(trajectory, radius, rule, part * rule.level)
+        return settled_at(trajectory, radius, rule, part * rule.level, early_s)
     if trajectory.mission.spec.sensing is Sensing.CONTINUOUS:
         return first_passed(trajectory, radius)
     order = np.argsort(trajectory.cell[:, 0], kind="stable")
@@ -123,7 +146,7 @@ def _roots(cubic: float, square: float, linear: FloatArray, constant: FloatArray
     return [-np.divide(constant, linear, out=np.zeros_like(constant), where=linear != 0.0)]
 
 
-def _check_cells(trajectory: Recording) -> Check:
+def _check_cells(trajectory: Recording, resolution: Resolution) -> Check:
     """Check that the file's cells are those that its mission is cut into."""
     expected = trajectory.mission.field.cell
     if trajectory.cell.shape != expected.shape or trajectory.covered_at.shape != expected.shape[:1]:
@@ -131,7 +154,7 @@ def _check_cells(trajectory: Recording) -> Check:
         return Check(CheckName.CELLS, False, -np.inf, "m", where)
     away = np.linalg.norm(trajectory.cell - expected, axis=1)
     k = int(np.argmax(away))
-    margin = float(_SAME_CELL - away[k])
+    margin = float(_SAME_CELL + _DIGITS * np.spacing(np.abs(expected).max()) + resolution.cell_m - away[k])
     return Check(CheckName.CELLS, margin >= 0.0, margin, "m", f"cell {k}")
 
 
@@ -141,9 +164,9 @@ def _difference(later: FloatArray, sooner: FloatArray) -> FloatArray:
     return np.subtract(later, sooner, out=np.zeros_like(later), where=~both_never)
 
 
-def _check_claim(name: CheckName, slack: FloatArray, trajectory: Recording, truth: FloatArray) -> Check:
+def _check_claim(name: CheckName, slack: FloatArray, trajectory: Recording, truth: FloatArray, same_s: float) -> Check:
     """Return the check whose margin is the smallest of the (K,) slacks [s]."""
-    bad = ~(slack >= -_SAME_TIME)
+    bad = ~(slack >= -same_s)
     if not bad.any():
         return Check(name, holds=True, margin=float(max(0.0, slack.min())), unit="s", where=f"{slack.size} cells")
     k = int(np.argmin(slack))

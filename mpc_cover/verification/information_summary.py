@@ -12,6 +12,8 @@ from mpc_cover.information.flight_map import FlightMap
 from mpc_cover.information.kalman import KalmanMap
 from mpc_cover.information.patrol import PatrolMap
 from mpc_cover.mission.information import EffectiveInformation, InformationKind, KalmanInformation
+from mpc_cover.verification.loss_evidence import of_the_living
+from mpc_cover.verification.losses import losses_of
 
 if TYPE_CHECKING:
     from mpc_cover.arrays import FloatArray
@@ -21,11 +23,13 @@ if TYPE_CHECKING:
 def summarise_information(trajectory: Recording) -> dict[str, Any] | None:
     """Return the figures of the mission's kind of information; None where a cell's first look is all.
 
-    Variances are in the magnitude's unit squared, the error of the estimate in its unit, ages in seconds.
+    The lost measure nothing. Variances are in the magnitude's unit squared, the error of the estimate in its unit, ages
+    in seconds.
     """
     mission = trajectory.mission
     if not mission.spec.looks_again:
         return None
+    trajectory = of_the_living(trajectory, losses_of(trajectory))
     seen = make_map(mission, margin_m=0.0)
     if isinstance(seen, PatrolMap):
         return {"kind": InformationKind.AGEING, **_ages(trajectory)}
@@ -68,6 +72,7 @@ class AgeHistory:
 
 def age_history(trajectory: Recording) -> AgeHistory:
     """Return the ages over a patrol's flight; its mission's information must be of kind ageing."""
+    trajectory = of_the_living(trajectory, losses_of(trajectory))
     seen = make_map(trajectory.mission, margin_m=0.0)
     assert isinstance(seen, PatrolMap)
     worst, mean = np.empty(trajectory.time.size), np.empty(trajectory.time.size)

@@ -58,17 +58,18 @@ def _counting(looks: float, period: float) -> Rule:
     return Rule(math.ceil(looks) - 0.5, 1.0, 1.0, period)
 
 
-def settled_at(trajectory: Recording, radius: FloatArray, rule: Rule, level: float) -> FloatArray:
+def settled_at(trajectory: Recording, radius: FloatArray, rule: Rule, level: float, early_s: float = 0.0) -> FloatArray:
     """Return (K,) [s]: the first sample by which the looks at each cell summed to `level`, for every magnitude.
 
     `radius` is (m, J) [m], -inf where an agent cannot measure a magnitude. Every agent looks at what is in range as
-    soon as a look counts.
+    soon as a look counts, or `early_s` [s] before that.
     """
-    times = [_of_magnitude(trajectory, reach, rule, level) for reach in radius.T]
+    times = [_of_magnitude(trajectory, reach, rule, level, early_s) for reach in radius.T]
     return np.asarray(np.max(times, axis=0))
 
 
-def _of_magnitude(trajectory: Recording, reach: FloatArray, rule: Rule, level: float) -> FloatArray:
+def _of_magnitude(trajectory: Recording, reach: FloatArray, rule: Rule, level: float, early_s: float) -> FloatArray:
+    soon = rule.period_s * (1.0 - _SOON) - early_s
     cells = trajectory.cell.shape[0]
     able = np.flatnonzero(reach > 0.0)
     last = np.full((able.size, cells), -np.inf)
@@ -76,7 +77,7 @@ def _of_magnitude(trajectory: Recording, reach: FloatArray, rule: Rule, level: f
     for time, position in zip(trajectory.time, trajectory.position, strict=True):
         for row, agent in enumerate(able):
             square = np.sum((trajectory.cell - position[agent]) ** 2, axis=1)
-            seen = (square <= reach[agent] ** 2) & (time - last[row] >= rule.period_s * (1.0 - _SOON))
+            seen = (square <= reach[agent] ** 2) & (time - last[row] >= soon)
             total[seen] += rule.amount(np.sqrt(square[seen]) / reach[agent])
             last[row, seen] = time
         when[(total >= level) & np.isinf(when)] = time

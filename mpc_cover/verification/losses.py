@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.model.fleet_constraints import FleetConstraints
+from mpc_cover.trajectory_file import RecordingKind
 from mpc_cover.verification.connectivity import bottlenecks
 from mpc_cover.verification.ends import check_links
 from mpc_cover.verification.motion import check_connectivity, taking_part, verify_motion
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 REACTION_PERIODS = 2.0
 """Within so many control periods a loss is detected and the others fly a plan without the lost agent."""
 _SAME_TIME = 1e-6
+_LARGEST = 1e9
+"""Beyond it nothing is a time of a flight [s]."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +63,18 @@ class Separation:
 
 
 def losses_of(trajectory: Recording) -> dict[int, float]:
-    """Return {agent index: time of its loss [s]} from the file's meta; unreadable entries are ignored."""
+    """Return {agent index: time of its loss [s]} from the file's meta; unreadable entries are ignored.
+
+    Nobody is lost in a plan.
+    """
+    if trajectory.meta.get("kind") == RecordingKind.PLAN:
+        return {}
     lost: Any = trajectory.meta.get("lost")
     if not isinstance(lost, dict):
         return {}
     ids = trajectory.mission.fleet.ids
-    times = {ids.index(name): time for name, time in lost.items() if name in ids and isinstance(time, (int, float))}
-    return {index: float(time) for index, time in times.items() if np.isfinite(time)}
+    times = {ids.index(name): time for name, time in lost.items() if name in ids and type(time) in {int, float}}
+    return {index: float(time) for index, time in times.items() if -_LARGEST <= time <= _LARGEST}  # neither is NaN
 
 
 def verify_with_losses(

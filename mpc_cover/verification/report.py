@@ -14,12 +14,15 @@ class CheckName(StrEnum):
     NUMBERS = "numbers"
     DYNAMICS_POSITION = "dynamics of position"
     DYNAMICS_VELOCITY = "dynamics of velocity"
+    POSITION_SUM = "residuals of position in sum"
+    VELOCITY_SUM = "residuals of velocity in sum"
     SPEED = "speed"
     INPUT = "input"
     NO_INPUT = "no input"
     BOX = "box"
     SEPARATION = "separation"
     CONNECTIVITY = "connectivity"
+    LOSSES = "evidence of losses"
     RECONNECTION = "together again after a loss"
     LINKS = "links kept"
     REST = "rest at the end"
@@ -33,6 +36,8 @@ class CheckName(StrEnum):
     COVERAGE_CLAIMED = "coverage claimed"
     COVERAGE_KEPT = "coverage kept"
     AGE_LIMIT = "age limit"
+    SEAL = "record as it was written"
+    SOURCES = "records that it was made of"
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from mpc_cover.trajectory_file import Recording
 
 _NOT_APPLICABLE = frozenset(
-    {CheckName.DYNAMICS_VELOCITY, CheckName.START_VELOCITY, CheckName.REST, CheckName.INPUT},
+    {CheckName.DYNAMICS_VELOCITY, CheckName.VELOCITY_SUM, CheckName.START_VELOCITY, CheckName.REST, CheckName.INPUT},
 )
 
 

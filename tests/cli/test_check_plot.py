@@ -56,3 +56,31 @@ def test_a_bad_trajectory(simulated, refused, tmp_path, command):
 def test_bad_step_times(simulated, refused, tmp_path):
     (tmp_path / "run" / "step_times.npz").write_bytes(b"junk")
     assert "step times" in refused("plot", "run")
+
+
+def test_check_says_by_which_mission_it_judges(simulated, run, refused, tmp_path):
+    _, out, _ = run("check", "run")
+    assert "judged as a flight by the mission that the file holds, " in out
+    assert "differs" not in out
+    mission = json.loads((tmp_path / "run" / "mission.json").read_text())
+    (tmp_path / "mine.json").write_text(json.dumps(mission))
+    status, out, _ = run("check", "run", "--mission", "mine.json")
+    assert (status, "judged as a flight by mission mine.json" in out, "differs" in out) == (0, True, False)
+    mission["fleet"]["separation_min_m"] *= 1.5
+    (tmp_path / "mine.json").write_text(json.dumps(mission))
+    _, out, _ = run("check", "run", "--mission", "mine.json")
+    assert "the mission in the file differs: fleet.separation_min_m: " in out
+    _, out, _ = run("check", "run", "--mission", "mine.json", "--json")
+    judged = json.loads(out)["judged_by"]
+    assert judged["mission"] == "mine.json"
+    assert [text.split(":")[0] for text in judged["differences"]] == ["fleet.separation_min_m"]
+    (tmp_path / "run" / "mission.json").write_text(json.dumps(mission))
+    _, out, _ = run("check", "run")
+    assert "differs in fleet.separation_min_m: --mission judges by that one" in out
+
+
+def test_check_refuses_a_mission_of_other_agents(simulated, refused, tmp_path):
+    said = refused("check", "run", "--mission", "l-hole")
+    assert "agents: " in said
+    assert "must be those of mission l-hole: ['a1', 'a2', 'a3', 'a4']" in said
+    assert "no such file" in refused("check", "run", "--mission", "nowhere")

@@ -132,3 +132,12 @@ def test_and_come_no_farther_apart_once_they_could_know():
 
 def test_nothing_is_said_of_losses_that_leave_everyone_in_touch():
     assert together_again(check_trajectory(flight({"lost": {"a3": 2.0}}))) is None
+
+
+def test_whoever_was_lost_before_the_record_begins_had_measured_where_it_stands():
+    early = flight({"lost": {"a3": -2.0}})
+    assert check_trajectory(early).holds
+    disc = np.linalg.norm(early.cell - early.position[0, 2], axis=1) <= 1.0
+    assert (early.covered_at[disc] == 0.0).all()
+    unseen = replace(early, covered_at=np.where(disc, np.inf, early.covered_at))
+    assert "coverage kept" not in {check.name for check in check_trajectory(unseen).failures}

@@ -108,7 +108,7 @@ def test_overview_has_all_panels(flight, steps, panels):
     overview = draw_overview(flight, steps, check_trajectory(flight))
     titles = [axes.get_title(loc="left") or axes.get_title() for axes in overview.axes]
     assert len(titles) == panels + 1  # the map's colour bar
-    assert "all 13 checks hold" in overview.get_suptitle()
+    assert "all 15 checks hold" in overview.get_suptitle()
 
 
 def test_overview_of_several_magnitudes_has_their_maps(mixed):

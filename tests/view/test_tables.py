@@ -86,7 +86,7 @@ def test_connectivity_that_was_not_asked_for(flight):
 
 def test_report_of_a_good_run(flight):
     text = printed(print_report, check_trajectory(flight))
-    assert "all 13 checks hold" in text
+    assert "all 15 checks hold" in text
     assert "+0.1667 m/s" in text
     assert "a1 - a2, t = 2.242 s" in text
 

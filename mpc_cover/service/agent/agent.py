@@ -45,7 +45,7 @@ class Agent:
     seed : with the agent's number, of its disturbances.
     recorder : records the exact motion, piece by piece.
     say : called with the text of each event.
-    at : where it stands (d,) [m]; left out, at the mission's start.
+    place : where its vehicle stands, (d,) [m]; left out, at the mission's start.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Agent:
         seed: int = 0,
         recorder: Recorder | None = None,
         say: Callable[[str], None] | None = None,
-        at: FloatArray | None = None,
+        place: FloatArray | None = None,
     ) -> None:
         index = mission.fleet.ids.index(agent_id)
         self.id = agent_id
@@ -75,7 +75,7 @@ class Agent:
         self._state_period = mission.spec.control.state_period_s
         self._authority = Authority()
         self._refused: PlanRef | None = None
-        self.vehicle = make_vehicle(mission, index, clock.now(), seed, recorder.piece if recorder else None, at)
+        self.vehicle = make_vehicle(mission, index, clock.now(), seed, recorder.piece if recorder else None, place)
         self.plant = self.vehicle.nominal
         self.schedule = Schedule(self._limits.input_max)
         self._inbox_s = mission.spec.control.inbox_s
@@ -129,6 +129,8 @@ class Agent:
             self.vehicle.advance(now, self.schedule)
             for item in self._plans.drain():
                 self._receive(item, now)
+            for error in self._plans.take_refused():
+                self._reject(error)
             self.vehicle.advance(now, self.schedule)
             self._controllers.tick(now)
             self._read_index = max(self._read_index + 1, math.floor((now + SNAP_S) / self._inbox_s) + 1)
@@ -204,6 +206,9 @@ class Agent:
             reference_position=reference[0].tolist() if reference else None,
             reference_velocity=reference[1].tolist() if reference else None,
             refused=self._refused,
+            epoch=max(self._authority.epoch, 0),
+            controller=self._authority.controller,
+            heard=self._controllers.controller,
         )
         self._seq += 1
         if self._recorder:

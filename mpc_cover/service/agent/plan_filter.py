@@ -28,6 +28,10 @@ DYNAMICS_TOLERANCE = 1e-6
 """Between the plan's samples and the roll-out of its inputs, in sensing radii, and those a second."""
 REST_TOLERANCE = 1e-3
 """Speed at the end of a plan, from which the agent brakes, relative to its limit."""
+EPOCH_JUMP = 10**6
+"""A new controller's epoch is at most so far ahead of the last one's: whoever sends a plan of the highest number that
+there is must not turn an agent away from all controllers to come. Of its first controller it takes any. Plain choice:
+a million restarts."""
 _ROUNDING = 16.0
 """Rounding errors of coordinates that are tolerated, in units of their last digit; a plain choice."""
 
@@ -79,7 +83,9 @@ class Authority:
     seq: int = -1
 
     def check(self, message: PlanMessage) -> None:
-        """Raise RejectedError for an old epoch, another controller of this epoch, or an old plan."""
+        """Raise RejectedError for an old epoch or one too far ahead, another controller of this one, or an old plan."""
+        if message.epoch > self.epoch + EPOCH_JUMP and self.epoch >= 0:
+            raise RejectedError(Reason.FAR_EPOCH, f"{message.epoch}, seen {self.epoch}")
         if message.epoch < self.epoch:
             raise RejectedError(Reason.OLD_EPOCH, f"{message.epoch}, seen {self.epoch}")
         if message.epoch > self.epoch:

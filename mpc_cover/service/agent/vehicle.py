@@ -206,11 +206,11 @@ class TrackingVehicle:
 
 
 def make_vehicle(
-    mission: Mission, index: int, time_s: float, seed: int, log: Log | None, at: FloatArray | None = None
+    mission: Mission, index: int, time_s: float, seed: int, log: Log | None, place: FloatArray | None = None
 ) -> Vehicle:
-    """Return the vehicle of the mission's agent number `index`, at rest at its start, or `at` (d,) [m]."""
+    """Return the vehicle of the mission's agent number `index`, at rest at a place (d,) [m]; left out, at its start."""
     fleet = mission.fleet
-    start = (fleet.start[index] if at is None else at).copy()
+    start = fleet.start[index].copy() if place is None else np.array(place, dtype=float)
     rest = np.zeros_like(start)
     if not disturbs_motion(mission.spec.disturbance):
         return UndisturbedVehicle(Plant(time_s, start, rest, log))

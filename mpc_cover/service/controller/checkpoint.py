@@ -1,94 +1,33 @@
-"""Checkpoints of a mission's progress: incomplete or damaged ones are detected, and the one before is used."""
+"""Checkpoints of a mission's progress: incomplete, damaged or forged ones are detected, and the one before is used."""
 
 from __future__ import annotations
 
 import hashlib
-import math
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
 
 from mpc_cover.errors import UserError
 from mpc_cover.information.build import make_map
 from mpc_cover.mission.load import mission_from_json
+from mpc_cover.service.controller.checkpoint_format import DAMAGED, flaw_of, pack, unpack
 from mpc_cover.service.controller.retask import carry_over, retask_problems
-from mpc_cover.service.controller.snapshot import Snapshot
 from mpc_cover.service.controller.state_directory import write_durably
 from mpc_cover.service.protocol.fingerprint import mission_hash
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
     from pathlib import Path
 
-    from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
+    from mpc_cover.service.controller.snapshot import Snapshot
     from mpc_cover.service.controller.state_directory import StateDirectory
 
-SCHEMA = 2
 GENERATIONS = 2
 PERIOD_S = 1.0
 """How often a checkpoint is written [s of the machine's clock]."""
-
-
-class _Header(msgspec.Struct, frozen=True):
-    """Header of a checkpoint; the map's arrays follow in the order of `shapes` as little-endian doubles."""
-
-    mission: str
-    generation: int
-    mission_time_s: float
-    finished: bool
-    shapes: dict[str, tuple[int, ...]]
-    origins: dict[str, float]
-    schema: int = SCHEMA
-    lost: dict[str, list[float]] = {}
-    heard: dict[str, int] = {}
-    versions: list[str] = []
-
-
-def pack(snapshot: Snapshot, mission: str, generation: int) -> bytes:
-    """Return the bytes of a checkpoint: a checksum, a header, the map."""
-    header = _Header(
-        mission,
-        generation,
-        snapshot.mission_time_s,
-        snapshot.finished,
-        {name: array.shape for name, array in snapshot.map.items()},
-        snapshot.origins,
-        lost=snapshot.lost,
-        heard=snapshot.heard,
-        versions=snapshot.versions,
-    )
-    arrays = b"".join(array.astype("<f8").tobytes() for array in snapshot.map.values())
-    payload = msgspec.json.encode(header) + b"\n" + arrays
-    return hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
-
-
-def unpack(data: bytes) -> tuple[str, int, Snapshot] | None:
-    """Return mission hash, generation and snapshot, or None when the bytes are incomplete or damaged."""
-    checksum, _, payload = data.partition(b"\n")
-    if hashlib.sha256(payload).hexdigest().encode() != checksum:
-        return None
-    try:
-        head, _, arrays = payload.partition(b"\n")
-        header = msgspec.json.decode(head, type=_Header)
-        kept = _arrays(np.frombuffer(arrays, dtype="<f8"), header.shapes)
-    except (msgspec.MsgspecError, ValueError):
-        return None  # written by another program or version
-    known = header.origins, header.lost, header.heard, header.versions
-    snapshot = Snapshot(header.mission_time_s, kept, header.finished, *known)
-    return header.mission, header.generation, snapshot
-
-
-def _arrays(values: FloatArray, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, FloatArray]:
-    """Split the concatenated doubles into arrays of these shapes; raise ValueError if they do not fit."""
-    ends = np.cumsum([math.prod(shape) for shape in shapes.values()])
-    if values.size != (ends[-1] if ends.size else 0):
-        raise ValueError("other sizes")
-    parts = np.split(values.astype(float), ends[:-1])
-    return {name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
 
 
 class FileCheckpoints:
@@ -104,15 +43,26 @@ class FileCheckpoints:
         self._due_s = -np.inf
         self._written = ""
         self._versions: list[str] = []
+        self._secret, self._refused = folder.secret(), list[str]()
         self._kept = self._read()
         self._generation = max((generation for _, generation, _ in self._kept), default=0)
 
+    @property
+    def epoch(self) -> int:
+        """The highest epoch of a controller that wrote one of the checkpoints; 0 without any."""
+        return max((snapshot.epoch for _, _, snapshot in self._kept), default=0)
+
     def load(self) -> tuple[Snapshot | None, str]:
         """Return the snapshot to resume from, if any, and a message for the user."""
+        snapshot, text = self._load()
+        refused = [f"checkpoint {flaw}: it is not used" for flaw in self._refused]
+        return snapshot, "; ".join([*refused, *([text] if text else [])])
+
+    def _load(self) -> tuple[Snapshot | None, str]:
         newest = self._newest
         if newest is None:
-            damaged = any(path.exists() for path in self._paths())
-            return None, "no checkpoint is readable: starts afresh" if damaged else ""
+            there = any(path.exists() for path in self._paths())
+            return None, "no checkpoint is readable: starts afresh" if there else ""
         mission, _, snapshot = newest
         if mission != self._mission:
             return self._of_another_version(mission, snapshot)
@@ -138,7 +88,10 @@ class FileCheckpoints:
         """Return what still holds of a checkpoint of another version of the mission, as a retask would keep it."""
         other = "the checkpoint is of another version of this mission"
         try:
-            old = mission_from_json(self._mission_file(fingerprint).read_text(encoding="utf-8"), "the mission")
+            data = self._mission_file(fingerprint).read_bytes()
+            if hashlib.sha256(data).hexdigest() != fingerprint:  # for which the checkpoint's MAC vouches
+                return None, f"{other}, whose file is damaged: starts afresh"
+            old = mission_from_json(data.decode("utf-8"), "the mission")
         except (OSError, UserError):
             return None, f"{other}, which is not kept: starts afresh"
         if (why := self._differs(old, snapshot.mission_time_s)) is not None:
@@ -187,7 +140,8 @@ class FileCheckpoints:
         generation = self._generation + 1
         try:
             self._keep_mission()
-            write_durably(self._paths()[generation % GENERATIONS], pack(snapshot, self._mission, generation))
+            data = pack(snapshot, self._mission, generation, self._secret)
+            write_durably(self._paths()[generation % GENERATIONS], data)
         except OSError as error:
             return f"the checkpoint cannot be written: {error.strerror}; control goes on"
         self._generation = generation
@@ -218,6 +172,8 @@ class FileCheckpoints:
                 data = path.read_bytes()
             except OSError:
                 continue
-            if (unpacked := unpack(data)) is not None:
+            if (unpacked := unpack(data, self._secret)) is not None:
                 kept.append(unpacked)
+            elif (flaw := flaw_of(data, self._secret)) and flaw != DAMAGED:
+                self._refused.append(f"{path} {flaw}")
         return kept

@@ -10,6 +10,7 @@ then. Missed ticks are skipped; the agents fly on along their plans, which end a
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mpc_cover.exit_status import exit_status
@@ -18,6 +19,7 @@ from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.planning.budget import Budget
 from mpc_cover.service.controller.commands import CommandServer, Decision
 from mpc_cover.service.controller.control_step import ControlStep
+from mpc_cover.service.controller.epochs import Claim, EpochWatch
 from mpc_cover.service.controller.fleet_supervisor import FleetSupervisor
 from mpc_cover.service.controller.flight_record import FlightRecord
 from mpc_cover.service.controller.heartbeat import Heartbeat
@@ -66,6 +68,8 @@ class Controller:
     step_log : records the control steps.
     say : called with the text of each event.
     recorders : record each agent's motion, as far as the controller knows it; none where left out.
+    keep_epoch : keeps a higher epoch that the controller takes because agents have seen its own, for its successors; it
+        may raise an OSError.
 
     Attributes
     ----------
@@ -94,15 +98,17 @@ class Controller:
         step_log: StepLog | None = None,
         say: Callable[[str], None] | None = None,
         recorders: Sequence[Recorder] = (),
+        keep_epoch: Callable[[int], None] | None = None,
     ) -> None:
         self.mission, self.law = mission, law
         self.step_log = step_log or StepLog()
         self.heartbeat = Heartbeat(mission, transport, clock, identity, epoch=epoch, period_s=0.5 * speed, say=say)
-        self._clock, self._transport, self._epoch, self._identity = clock, transport, epoch, identity
+        self._clock, self._transport, self._identity = clock, transport, identity
+        self._epochs, self._keep_epoch = EpochWatch(mission.spec.name, transport, identity, epoch), keep_epoch
         self._told_others: dict[str, str] = {}
         self._control = mission.spec.control
         self._checkpoints: CheckpointStore = checkpoints or NoCheckpoints()
-        self._commands = CommandServer(mission, transport)
+        self._commands = CommandServer(mission, transport, identity)
         self._mission_clock = MissionClock(clock, self._control.period_s, resume.mission_time_s if resume else 0.0)
         self.coverage = make_map(mission)
         self._measurements = MeasurementUpdate(
@@ -110,6 +116,7 @@ class Controller:
         )
         self.fleet_monitor, self._law_for = self._measurements.monitor, law_for
         self.fleet_monitor.earlier_versions = list(versions)
+        self.fleet_monitor.identity = identity
         self._publisher = PlanPublisher(mission, transport, epoch, identity)
         self._record = FlightRecord(recorders, mission.fleet, self._publisher.find) if recorders else None
         self.fleet_monitor.on_state = self._record.add if self._record else None
@@ -142,6 +149,7 @@ class Controller:
             patience_s=max(PATIENCE_S * speed, 3.0 * self._control.state_period_s),
             receive=self._receive,
             paused=lambda: self._commands.paused,
+            doubts=lambda: self._epochs.doubts(self.supervisor.lost),
         )
         self._phases.set_mission(mission, law, self.coverage)
 
@@ -215,18 +223,40 @@ class Controller:
 
     def _receive(self) -> None:
         self._measurements.update()
-        if (newest := self.fleet_monitor.newest_epoch()) > self._epoch and self.phase is not Phase.FAILED:
-            own = f"this one, of epoch {self._epoch}"
-            self._phases.enter(Phase.FAILED, f"a controller of epoch {newest} has taken over from {own}")
-
+        self._compare_epochs()
         for name, other in self.fleet_monitor.others.items():
             if self._told_others.get(name) != other:
                 self._told_others[name] = other
                 text = f"instance {other[:8]} says that it is {name}, too: it is not listened to while {name} is here"
                 self.heartbeat.events.emit(f"twice-{name}"[:64], text)
+        for error in self.fleet_monitor.not_genuine:
+            self.heartbeat.events.emit("state-refused", f"ignores a state: {error}")
+
+    def _compare_epochs(self) -> None:
+        """Withdraw before a controller of a higher epoch; where only its epoch is left, take the next one."""
+        states = [link.state for link in self.fleet_monitor.links if link.state]
+        if self.phase is Phase.FAILED or (verdict := self._epochs.look(states)) is None:
+            return
+        own = f"this one, of epoch {self._epochs.epoch}"
+        if verdict.claim is Claim.WITHDRAW:
+            self._phases.enter(Phase.FAILED, f"a controller of epoch {verdict.epoch} has taken over from {own}")
+            return
+        why = f"agents have seen epoch {verdict.epoch - 1}, and no other controller is here"
+        self._epochs.take(verdict.epoch)
+        self._publisher.epoch = self.heartbeat.epoch = verdict.epoch
+        self.heartbeat.events.emit("epoch", f"{why}: {own}, goes on as epoch {verdict.epoch}")
+        if self._keep_epoch is None:
+            return
+        try:
+            self._keep_epoch(verdict.epoch)
+        except OSError as error:
+            self.heartbeat.events.emit("epoch-kept", f"epoch {verdict.epoch} cannot be written: {error.strerror}")
 
     def _execute_commands(self) -> None:
-        for command in self._commands.receive():
+        commands = self._commands.receive()
+        for error in self._commands.take_refused():
+            self.heartbeat.events.emit("command-refused", f"ignores a command: {error}")
+        for command in commands:
             match command.name:
                 case CommandName.ABORT:
                     self._phases.stop(Phase.FAILED, "aborted")
@@ -265,6 +295,7 @@ class Controller:
     def _save(self, *, now: bool = False) -> None:
         finished = self.phase is Phase.COMPLETE
         snapshot = self._measurements.snapshot(self.supervisor.lost_positions(), finished=finished)
+        snapshot = replace(snapshot, epoch=self._epochs.epoch)
         if problem := self._checkpoints.save(snapshot, now=now or finished):
             self.heartbeat.events.emit("checkpoint", problem)
 

@@ -43,6 +43,7 @@ class FlightRecord:
         self._recorders, self._input_max, self._find = recorders, fleet.input_max, find
         self._tolerance = start_tolerance(fleet)
         self._last_s = [-np.inf] * len(recorders)
+        self._reached: list[tuple[FloatArray, FloatArray] | None] = [None] * len(recorders)
 
     def add(self, index: int, link: AgentLink) -> None:
         """Record the motion of agent number `index` up to its newest report."""
@@ -53,6 +54,9 @@ class FlightRecord:
                 return
             for time_s, position, velocity, force, ref in self._between(index, before, after):
                 self._recorders[index].piece(self._at(index, time_s + link.offset), position, velocity, force, ref)
+        elif (reached := self._reached[index]) is not None:
+            self._brake(index, reached, after.time_s + link.offset)
+        self._reached[index] = planned_state(after)
         self._recorders[index].mark(self._at(index, after.time_s + link.offset), *planned_state(after))
 
     def close(self, links: Sequence[AgentLink], now_s: float) -> None:
@@ -67,6 +71,14 @@ class FlightRecord:
         self._last_s[index] = max(self._last_s[index], time_s)
         return self._last_s[index]
 
+    def _brake(self, index: int, reached: tuple[FloatArray, FloatArray], until_s: float) -> None:
+        """Record that an agent whose process has died braked from the state that it had reached, until a time [s]."""
+
+        def log(time_s: float, *motion: FloatArray | PlanRef | None) -> None:
+            self._recorders[index].piece(self._at(index, time_s), *motion)  # type: ignore[arg-type]
+
+        Plant(self._last_s[index], *reached, log).advance(until_s, Schedule(float(self._input_max[index])))
+
     def _between(self, index: int, before: State, after: State) -> list[_Piece]:
         """Return the pieces of motion between two reports: by the plans, or where they do not fit, by the reports."""
         pieces: list[_Piece] = []
@@ -80,8 +92,8 @@ class FlightRecord:
             for ref in dict.fromkeys((before.next_plan, after.plan)):
                 if ref != before.plan and (plan := self._find(index, ref)) is not None:
                     schedule.add(plan)
-        except UnknownPlanError:
-            return _fitted(before, after)
+        except UnknownPlanError:  # another controller's, whose flight this is not
+            return [(*piece[:4], None) for piece in _fitted(before, after)]
         plant.advance(after.time_s, schedule)
         position, velocity = planned_state(after)
         off = max(np.abs(plant.position - position).max(), np.abs(plant.velocity - velocity).max())

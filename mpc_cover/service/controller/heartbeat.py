@@ -28,13 +28,14 @@ MAP_REQUESTS = 16
 class Heartbeat:
     """Publishes the status and, half as often, the map.
 
-    At most every `period_s` [s] of the clock, but at once when the phase changes.
+    At most every `period_s` [s] of the clock, but at once when the phase changes, or who is lost or stands still.
 
     Attributes
     ----------
     text : what the controller is doing, for users.
     status : the newest status.
     events : the controller's events.
+    epoch : of the controller.
     """
 
     def __init__(
@@ -52,7 +53,7 @@ class Heartbeat:
         self.text = ""
         self.status: Status | None = None
         self._transport = transport
-        self._clock, self._identity, self._epoch, self._period_s = clock, identity, epoch, period_s
+        self._clock, self._identity, self.epoch, self._period_s = clock, identity, epoch, period_s
         self._status = transport.publisher(keys.status, bus.STATUS)
         self._map = transport.publisher(keys.map, bus.MAP)
         self._map_requests = transport.requests(keys.map, MAP_REQUESTS)
@@ -74,7 +75,7 @@ class Heartbeat:
         last = step_log.last
         status = Status(
             controller=self._identity,
-            epoch=self._epoch,
+            epoch=self.epoch,
             seq=self._seq,
             phase=phase,
             mission_time_s=mission_time_s,
@@ -92,8 +93,10 @@ class Heartbeat:
             lost=lost,
             text=self.text[:1000],
             instances={link.id: link.state.instance for link in monitor.links if link.state},
+            standing=monitor.standing(now),
         )
         changed = self.status is None or self.status.phase is not phase or self.status.lost != lost
+        changed = changed or (self.status is not None and self.status.standing.keys() != status.standing.keys())
         self.status = status
         if changed or now >= self._due_s - SNAP_S:
             self._seq += 1
@@ -107,7 +110,7 @@ class Heartbeat:
             return
         message = MapMessage(
             controller=self._identity,
-            epoch=self._epoch,
+            epoch=self.epoch,
             mission_time_s=mission_time_s,
             cell_count=coverage.cell_count,
             covered_count=coverage.covered_count,

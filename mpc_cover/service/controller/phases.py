@@ -40,6 +40,7 @@ class MissionPhases:
     patience_s : an agent must have been heard within this time to be ready [s].
     receive : takes in the reports that arrived during a long computation.
     paused : whether the fleet is to wait.
+    doubts : returns further reasons why agents are not ready.
 
     Attributes
     ----------
@@ -59,11 +60,13 @@ class MissionPhases:
         patience_s: float,
         receive: Callable[[], None],
         paused: Callable[[], bool],
+        doubts: Callable[[], list[str]],
     ) -> None:
         self.phase, self.done = Phase.WAITING, False
         self._supervisor, self._control_step, self._heartbeat = supervisor, control_step, heartbeat
         self._mission_clock, self._clock = mission_clock, clock
         self._stay, self._patience_s, self._receive, self._paused = stay, patience_s, receive, paused
+        self._doubts = doubts
         self._flown = self._braking = False
 
     def set_mission(self, mission: Mission, law: ControlLaw, coverage: FlownMap) -> None:
@@ -185,7 +188,7 @@ class MissionPhases:
         self.enter(Phase.FLYING, "flying")
 
     def _not_ready(self) -> str:
-        return "; ".join(self._supervisor.not_ready(self._clock.now(), self._patience_s))
+        return "; ".join([*self._supervisor.not_ready(self._clock.now(), self._patience_s), *self._doubts()])
 
     def _fly(self, *, stalled: bool) -> None:
         if not stalled and (why := self._supervisor.assess(self._clock.now(), self._patience_s)):

@@ -23,6 +23,7 @@ class Snapshot:
     lost : where lost agents rest, (d,) [m], by id.
     heard : for each agent's instance, the number of the last state in the map.
     versions : fingerprints of earlier versions of the mission for the same fleet: its agents may have any of them.
+    epoch : of the controller that took it.
     """
 
     mission_time_s: float
@@ -32,6 +33,7 @@ class Snapshot:
     lost: dict[str, list[float]] = field(default_factory=dict)
     heard: dict[str, int] = field(default_factory=dict)
     versions: list[str] = field(default_factory=list)
+    epoch: int = 0
 
 
 class CheckpointStore(Protocol):

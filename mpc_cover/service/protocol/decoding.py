@@ -33,6 +33,9 @@ class Reason(StrEnum):
     OVERSIZE = "oversize"
     MALFORMED = "malformed"
     SCHEMA = "schema"
+    UNSIGNED = "not signed"
+    FORGED = "wrongly signed"
+    FLOOD = "too many messages"
     NOT_FINITE = "not finite"
     SHAPE = "shape"
     WRONG_AGENT = "wrong agent"
@@ -41,6 +44,7 @@ class Reason(StrEnum):
     IMPLAUSIBLE = "implausible"
     OTHER_INSTANCE = "another process of the agent"
     OLD_EPOCH = "old epoch"
+    FAR_EPOCH = "epoch too far ahead"
     OTHER_CONTROLLER = "other controller"
     EXPIRED = "expired"
     LIMITS = "limits"
@@ -149,7 +153,7 @@ def decode_plan(payload: bytes, dimension: int) -> PlanMessage:
 def decode_status(payload: bytes) -> Status:
     """Return a status; RejectedError when it is none."""
     status = _decode(Status, payload)
-    require_finite((status.mission_time_s, status.step_ms))
+    require_finite((status.mission_time_s, status.step_ms, *(x for place in status.standing.values() for x in place)))
     return status
 
 

@@ -66,7 +66,9 @@ class State(Message, frozen=True, kw_only=True):
     it will switch to; `at_rest` says that it stands still and has nothing left to fly. `speed` is how many
     seconds of its clock pass in a second, `mission` the fingerprint of its mission. A disturbed agent also
     reports the state that it tracks: `reference_position` and `reference_velocity`. `refused` is the plan
-    that it rejected last, unless it has accepted one since.
+    that it rejected last, unless it has accepted one since. `epoch` is the highest epoch of which it has accepted a
+    plan, and `controller` whose that was: it rejects plans of lower ones, and of others of the same. `heard` is the
+    process of the controller that it has heard last: what was recorded before that one began cannot name it.
     """
 
     agent: Id
@@ -83,6 +85,9 @@ class State(Message, frozen=True, kw_only=True):
     reference_position: Vector | None = None
     reference_velocity: Vector | None = None
     refused: PlanRef | None = None
+    epoch: Count = 0
+    controller: Annotated[str, msgspec.Meta(max_length=64)] = ""
+    heard: Text = ""
 
 
 class PlanMessage(Message, frozen=True, kw_only=True):
@@ -133,6 +138,8 @@ class Status(Message, frozen=True, kw_only=True):
     text: Text = ""
     instances: dict[str, str] = {}
     """Which process of each agent the controller listens to, by agent id."""
+    standing: dict[str, Vector] = {}
+    """Where agents stand, as they report or by braking since, by id [m]: a simulated vehicle starts anew there."""
 
 
 class MapMessage(Message, frozen=True, kw_only=True):
@@ -159,12 +166,14 @@ class Event(Message, frozen=True, kw_only=True):
 class CommandRequest(Message, frozen=True, kw_only=True):
     """A request for the command of its key, a `CommandName`; the request id makes repeating it harmless.
 
-    `mission` is, for a retask, the new version of the mission as JSON.
+    `mission` is, for a retask, the new version of the mission as JSON. `controller` is the controller process that it
+    is for: one that believes signatures alone turns away what was meant for another, as that may be a repeat.
     """
 
     request: Id
     text: Text = ""
     mission: MissionText = ""
+    controller: Text = ""
 
 
 class CommandReply(Message, frozen=True, kw_only=True):

@@ -46,7 +46,8 @@ def merge(
     All records are of one clock. Time 0 is the start of the first plan that was flown; the recording ends when
     all agents are at rest for good, or, where agents at rest keep measuring, with the record that ends first. A flight
     that ended as it began, with everything within range, is a state period of rest. Records of agents that `died`
-    are `extended`; the times of their deaths are in the recording's meta as "lost" [s], by id.
+    are `extended`, and measure nothing there; the times of their deaths are in the recording's meta as "lost" [s], by
+    id.
 
     Raises
     ------
@@ -77,7 +78,7 @@ def merge(
         velocity=velocity,
         input=np.stack([motion.input_at(middle, 0.0) for motion in motions], axis=1),
         cell=mission.field.cell,
-        covered_at=measured_at(mission, time - first, position, velocity),
+        covered_at=measured_at(mission, time - first, _measuring(mission, time, position, ends), velocity),
         agent_id=mission.fleet.ids,
         mission=mission,
         meta={**meta, "lost": {name: end_s - first for name, end_s in ends.items()}} if ends else meta,
@@ -95,6 +96,17 @@ def _extended(
         for name, limit, pieces in zip(mission.fleet.ids, mission.fleet.input_max, records, strict=True)
     ]
     return whole, {name: end_s for name, end_s in ends.items() if name in died}
+
+
+def _measuring(mission: Mission, time: FloatArray, position: FloatArray, ends: dict[str, float]) -> FloatArray:
+    """Return positions (T, m, d) [m] with NaN for the dead after their ends [s], by id.
+
+    Whoever died before the record begins had measured where it stands.
+    """
+    measuring = position.copy()
+    for name, end_s in ends.items():
+        measuring[time > max(end_s, float(time[0])) + MERGE_S, mission.fleet.ids.index(name)] = np.nan
+    return measuring
 
 
 def _first_flown(pieces: Sequence[Piece]) -> Piece | None:

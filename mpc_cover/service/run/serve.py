@@ -22,10 +22,12 @@ from mpc_cover.service.protocol.transport import open_transport
 from mpc_cover.service.run.daemon import Signals, run
 from mpc_cover.service.run.run_folder import flown_in, run_path
 from mpc_cover.service.run.served_run import ServedRun
+from mpc_cover.service.run.standing_place import standing_place
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from mpc_cover.arrays import FloatArray
     from mpc_cover.clock import Clock
     from mpc_cover.mission.load import Mission
     from mpc_cover.service.controller.controller import Controller
@@ -94,11 +96,13 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
             refuse_second(mission, transport, signals.stop)
             transport.announce(Keys(mission.spec.name).controller_instance(identity))  # before what takes a second
             meta = {"seed": options.seed, "backend": options.backend}
-            record = None if place is None else ServedRun(mission, place, meta, options.speed, say)
-            say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
-            controller = _controller(mission, options, folder, transport, clock, identity, record)
+            tell = speaker(network)
+            record = None if place is None else ServedRun(mission, place, meta, options.speed, tell)
+            tell(f"controls {mission.spec.name} at {network.where}")
+            controller = _controller(mission, options, folder, transport, clock, identity, record, tell)
             look_s = mission.spec.control.state_period_s
-            run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s, controller.idle)
+            lines = _StatusLines(controller, tell)
+            run(controller, clock, signals.stop, lines.after_tick, look_s, controller.idle)
         finally:
             transport.close()
         if record is not None:
@@ -149,8 +153,9 @@ def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: N
     from mpc_cover.service.agent.agent import Agent  # noqa: PLC0415 - the controller needs none
 
     check_agent_id(mission, agent_id)
-    text = f"{agent_id}: agent of {mission.spec.name}, reaches {', '.join(network.connect + network.listen)}"
-    agent, status = run_agent_process(Agent, mission, agent_id, options, network, text)
+    text = f"{agent_id}: agent of {mission.spec.name}, reaches {network.where}"
+    here = partial(standing_place, mission, agent_id)
+    agent, status = run_agent_process(Agent, mission, agent_id, options, network, text, here)
     if agent is not None and agent.taken_by:
         own = f"this one is instance {agent.instance[:8]}"
         raise UserError(
@@ -158,6 +163,11 @@ def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: N
             f" {mission.spec.name} already, and {own}: end that one first, or give another --id"
         )
     return status
+
+
+def speaker(network: NetworkOptions) -> Callable[[str], None]:
+    """Return what writes the lines of a process: each begins with a warning where anybody may steer the fleet."""
+    return (lambda text: say(f"INSECURE, anybody may steer: {text}")) if network.insecure else say
 
 
 def check_agent_id(mission: Mission, agent_id: str) -> None:
@@ -168,9 +178,17 @@ def check_agent_id(mission: Mission, agent_id: str) -> None:
 
 
 def run_agent_process(
-    make: Callable[..., A], mission: Mission, agent_id: str, options: AgentOptions, network: NetworkOptions, text: str
+    make: Callable[..., A],
+    mission: Mission,
+    agent_id: str,
+    options: AgentOptions,
+    network: NetworkOptions,
+    text: str,
+    here: Callable[[Transport, Event], FloatArray | None] | None = None,
 ) -> tuple[A | None, int]:
     """Run an agent of a class until it is done or a signal comes; `text` is written once the network is joined.
+
+    `here` returns where its vehicle stands, (d,) [m], None for the mission's start.
 
     Returns
     -------
@@ -194,7 +212,11 @@ def run_agent_process(
         except InterruptedError:
             return None, signals.exit_status
         try:
-            say(text)
+            tell = speaker(network)
+            tell(text)
+            place = here(transport, signals.stop) if here is not None else None
+            if place is not None:
+                tell(f"{agent_id}: stands where it was, at {', '.join(f'{x:.2f}' for x in place)}")
             agent = make(
                 mission,
                 agent_id,
@@ -204,7 +226,8 @@ def run_agent_process(
                 speed=options.speed,
                 seed=options.seed,
                 recorder=recorder,
-                say=say,
+                say=tell,
+                **({} if place is None else {"place": place}),
             )
             run(agent, clock, signals.stop)
         finally:
@@ -226,6 +249,7 @@ def _controller(
     clock: Clock,
     identity: str,
     record: ServedRun | None,
+    tell: Callable[[str], None],
 ) -> Controller:
     from mpc_cover.control.factory import make_control_law  # noqa: PLC0415 - heavy
     from mpc_cover.service.controller.checkpoint import FileCheckpoints  # noqa: PLC0415 - only here
@@ -237,14 +261,18 @@ def _controller(
     if options.fresh and resume:
         resume, text = None, "starts afresh, as asked; the checkpoint is not used"
     if text:
-        say(text)
+        tell(text)
+    epoch, text = folder.next_epoch(checkpoints.epoch)
+    if text:
+        tell(text)
     law_for = partial(make_control_law, backend=options.backend, seed=options.seed)
     return Controller(
         mission,
         law_for(mission),
         transport,
         clock,
-        epoch=folder.next_epoch(),
+        epoch=epoch,
+        keep_epoch=folder.set_epoch,
         identity=identity,
         speed=options.speed,
         stay=options.stay,
@@ -253,7 +281,7 @@ def _controller(
         law_for=law_for,
         versions=checkpoints.versions,
         step_log=StepLog(options.step_log or (record.step_log if record is not None else None)),
-        say=say,
+        say=tell,
         recorders=record.recorders if record is not None else (),
     )
 
@@ -261,8 +289,8 @@ def _controller(
 class _StatusLines:
     """Writes the controller's status periodically; outside of a flight, only when it says something else."""
 
-    def __init__(self, controller: Controller) -> None:
-        self._controller = controller
+    def __init__(self, controller: Controller, tell: Callable[[str], None]) -> None:
+        self._controller, self._tell = controller, tell
         self._due_s = 0.0
         self._last = ""
 
@@ -279,7 +307,7 @@ class _StatusLines:
         )
         if line != self._last or status.phase is Phase.FLYING:
             self._last = line
-            say(line)
+            self._tell(line)
 
 
 def follow_parent(wanted: bool, stop: Event) -> None:

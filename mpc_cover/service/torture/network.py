@@ -224,6 +224,8 @@ class SimulatedTransport:
     dies_after : the process dies after so many more plans; None for never.
     """
 
+    signed = False
+
     def __init__(self, network: SimulatedNetwork, process: Process) -> None:
         self.network, self.process, self.name = network, process, process.name
         self.closed = False

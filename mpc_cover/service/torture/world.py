@@ -159,7 +159,7 @@ class _World:
                 seed=self._seed,
                 recorder=recorder,
                 say=self._say,
-                at=at,
+                place=at,
             )
 
         process.start(make)
@@ -186,8 +186,8 @@ class _World:
         process.on_end.append(folder.close)
         checkpoints = FileCheckpoints(folder, mission, process.clock.now)
         resume, text = checkpoints.load()
-        epoch = folder.next_epoch()
-        self._say(f"controller of epoch {epoch} starts {text}")
+        epoch, repaired = folder.next_epoch(checkpoints.epoch)
+        self._say(f"controller of epoch {epoch} starts {text} {repaired}".rstrip())
         law = make_control_law(mission, self._backend, self._seed)
         controller = Controller(
             mission,
@@ -195,6 +195,7 @@ class _World:
             self._network.join(process),
             process.clock,
             epoch=epoch,
+            keep_epoch=folder.set_epoch,
             identity=f"controller-{epoch}",
             budget_of=lambda seconds: Budget.counted(WORK_SHARE * seconds),
             checkpoints=checkpoints,

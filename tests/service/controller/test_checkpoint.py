@@ -5,7 +5,8 @@ import pytest
 from service_fakes import small_mission
 
 from mpc_cover.service.controller import state_directory
-from mpc_cover.service.controller.checkpoint import FileCheckpoints, pack, unpack
+from mpc_cover.service.controller.checkpoint import FileCheckpoints
+from mpc_cover.service.controller.checkpoint_format import flaw_of, pack, unpack
 from mpc_cover.service.controller.snapshot import Snapshot
 from mpc_cover.service.controller.state_directory import StateDirectory
 
@@ -20,6 +21,9 @@ def snapshot(mission, mission_time_s=1.0, **fields):
 def folder(tmp_path):
     with StateDirectory(tmp_path / "state") as folder:
         yield folder
+
+
+SECRET = b"known to the owner of the folder"
 
 
 def checkpoints(folder, mission, **options):
@@ -46,7 +50,7 @@ def test_torn_anywhere_the_older_one_is_found(folder, mission):
     writer = checkpoints(folder, mission)
     for time_s in (1.0, 2.0):
         writer.save(snapshot(mission, time_s), now=True)
-    newest = max(folder.path.glob("coverage.*"), key=lambda path: unpack(path.read_bytes())[1])
+    newest = max(folder.path.glob("coverage.*"), key=lambda path: unpack(path.read_bytes(), folder.secret())[1])
     data = newest.read_bytes()
     for length in range(len(data)):
         newest.write_bytes(data[:length])
@@ -56,10 +60,10 @@ def test_torn_anywhere_the_older_one_is_found(folder, mission):
 
 
 def test_a_flipped_bit_anywhere_is_seen(mission):
-    data = pack(snapshot(mission), "hash", 3)
-    assert unpack(data) is not None
+    data = pack(snapshot(mission), "hash", 3, SECRET)
+    assert unpack(data, SECRET) is not None
     for index in range(len(data)):
-        assert unpack(data[:index] + bytes([data[index] ^ 1]) + data[index + 1 :]) is None
+        assert unpack(data[:index] + bytes([data[index] ^ 1]) + data[index + 1 :], SECRET) is None
 
 
 def test_when_both_are_damaged_it_starts_afresh_and_says_so(folder, mission):
@@ -147,3 +151,72 @@ def test_agents_of_another_version_are_known_only_if_they_may_fly_this_one(folde
     found, _ = store.load()
     assert np.isfinite(found.map["first"]).sum() == 3
     assert store.versions == []
+
+
+def forged(data, secret):
+    """Return a checkpoint that says that everything is covered, its checksum anew, its MAC by another secret."""
+    mission, generation, kept = unpack(data, secret)
+    everything = Snapshot(kept.mission_time_s, {name: np.zeros_like(array) for name, array in kept.map.items()})
+    return pack(everything, mission, generation + 1, b"of somebody else, who guesses it")
+
+
+def newest_of(folder):
+    return max(folder.path.glob("coverage.*"), key=lambda path: unpack(path.read_bytes(), folder.secret())[1])
+
+
+def test_a_rewritten_one_that_says_that_all_is_covered_is_not_believed(folder, mission):
+    writer = checkpoints(folder, mission)
+    for time_s in (1.0, 2.0):
+        writer.save(snapshot(mission, time_s), now=True)
+    newest = newest_of(folder)
+    newest.write_bytes(forged(newest.read_bytes(), folder.secret()))
+    found, text = checkpoints(folder, mission).load()
+    assert found.mission_time_s == 1.0
+    assert np.isinf(found.map["first"]).any()
+    assert text.startswith(f"checkpoint {newest} is not authentic: somebody without the secret of this folder wrote it")
+    assert text.endswith("it is not used; goes on from the checkpoint at mission time 1.0 s")
+
+
+def test_when_all_are_forged_it_starts_afresh(folder, mission):
+    checkpoints(folder, mission).save(snapshot(mission, 1.0), now=True)
+    newest = newest_of(folder)
+    newest.write_bytes(forged(newest.read_bytes(), folder.secret()))
+    found, text = checkpoints(folder, mission).load()
+    assert found is None
+    assert "is not authentic" in text
+    assert text.endswith("starts afresh")
+
+
+def test_one_without_a_mac_is_refused_and_so_is_that_of_another_folder(mission):
+    data = pack(snapshot(mission), "hash", 3, SECRET)
+    head, payload = data.split(b"\n", 1)
+    assert "bears no authentication" in flaw_of(head.split(b" ")[0] + b"\n" + payload, SECRET)
+    assert "is not authentic" in flaw_of(data, b"the secret of some other folder.")
+    assert flaw_of(data, SECRET) == ""
+
+
+def test_without_its_secret_a_folder_starts_afresh_and_goes_on_under_a_new_one(folder, mission):
+    checkpoints(folder, mission).save(snapshot(mission, 1.0), now=True)
+    whole = (folder.path / "secret").read_bytes()
+    for torn in (b"", whole[:10], whole[:-3], b"\xff" * 65):
+        (folder.path / "secret").write_bytes(torn)
+        assert checkpoints(folder, mission).load()[0] is None
+        checkpoints(folder, mission).save(snapshot(mission, 2.0), now=True)
+        assert checkpoints(folder, mission).load()[0].mission_time_s == 2.0
+
+
+def test_the_file_of_an_earlier_version_of_the_mission_is_vouched_for_too(folder):
+    mission, other = small_mission(height=6.0), small_mission()
+    checkpoints(folder, mission).save(snapshot(mission, 7.0), now=True)
+    file = next(folder.path.glob("mission.*.json"))
+    file.write_bytes(file.read_bytes().replace(b'"cell_size_m":0.5', b'"cell_size_m":0.25'))
+    found, text = checkpoints(folder, other).load()
+    assert found is None
+    assert "another version of this mission, whose file is damaged: starts afresh" in text
+
+
+def test_it_knows_the_highest_epoch_of_those_who_wrote_it(folder, mission):
+    assert checkpoints(folder, mission).epoch == 0
+    for epoch in (4, 6, 5):
+        checkpoints(folder, mission).save(snapshot(mission, 1.0, epoch=epoch), now=True)
+    assert checkpoints(folder, mission).epoch == 6

@@ -57,3 +57,21 @@ def test_of_disturbed_agents_it_is_the_reference():
     theirs, own = fly(mission)
     position, _ = theirs.at(own.time)
     np.testing.assert_allclose(own.position, position, atol=0.2)
+
+
+def test_the_gap_of_an_agent_that_was_started_again_is_its_braking(mission):
+    """It stands where its vehicle came to rest."""
+    bench = Bench(mission)
+    _, second = bench.agent("a1"), bench.agent("a2")
+    own = [MemoryRecorder() for _ in mission.fleet.ids]
+    controller = bench.controller(StraightSweepLaw(mission, goal_y=3.5), recorders=own)
+    bench.run(controller, until=lambda: controller.mission_time_s > 1.2)
+    assert np.linalg.norm(second.plant.velocity) > 0.1
+    bench.kill(second)
+    assert "a2" not in controller.fleet_monitor.standing(bench.clock.now())
+    bench.run(controller, seconds=1.5)
+    place = controller.fleet_monitor.standing(bench.clock.now())["a2"]
+    bench.agent("a2", instance="a2-again", place=place)
+    bench.run(controller, until=lambda: controller.done)
+    controller.shutdown()
+    assert check_trajectory(merge(mission, [record.pieces for record in own], {})).holds

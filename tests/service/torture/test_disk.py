@@ -10,7 +10,7 @@ from mpc_cover.service.torture.faults import Fault, FaultKind
 def test_a_full_disk_takes_no_checkpoint_and_no_epoch_and_keeps_what_it_has(tmp_path):
     disk = Disk(tmp_path, [], "1")
     with StateDirectory(tmp_path) as folder:
-        assert folder.next_epoch() == 1
+        assert folder.next_epoch()[0] == 1
         write_durably(tmp_path / "coverage.0", b"old")
         disk.fill(full=True)
         with pytest.raises(OSError, match="directory"):
@@ -20,7 +20,7 @@ def test_a_full_disk_takes_no_checkpoint_and_no_epoch_and_keeps_what_it_has(tmp_
         assert (tmp_path / "coverage.0").read_bytes() == b"old"
         disk.fill(full=False)
         write_durably(tmp_path / "coverage.0", b"new")
-        assert folder.next_epoch() == 2
+        assert folder.next_epoch()[0] == 2
     assert (tmp_path / "coverage.0").read_bytes() == b"new"
 
 
