@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from types import FrameType
 
-_DAEMONS = {"serve", "agent"}
+_DAEMONS = {"serve", "agent", "router"}
 """Commands for which SIGTERM is a clean end, from their first moment on."""
 
 

@@ -8,7 +8,23 @@ from typing import Annotated
 
 import typer
 
-from mpc_cover.cli import agent, bench, check, demo, plan, plot, retask, serve, simulate, size, study
+from mpc_cover.cli import (
+    agent,
+    bench,
+    check,
+    command,
+    demo,
+    keys,
+    plan,
+    plot,
+    retask,
+    router,
+    serve,
+    simulate,
+    size,
+    study,
+    torture,
+)
 from mpc_cover.cli.options import print_json
 from mpc_cover.cli.streams import guarded_streams, lost_output
 from mpc_cover.errors import UserError, problems_of
@@ -53,9 +69,13 @@ app.command()(plot.plot)
 app.command()(serve.serve)
 app.command()(agent.agent)
 app.command()(retask.retask)
+app.command()(command.command)
+app.command()(router.router)
 app.command()(size.size)
+app.command()(torture.torture)
 app.add_typer(bench.app)
 app.add_typer(study.app)
+app.add_typer(keys.app)
 
 
 def main() -> None:

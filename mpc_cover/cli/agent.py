@@ -7,7 +7,17 @@ from typing import Annotated
 
 import typer
 
-from mpc_cover.cli.network_options import Config, Connect, Listen, Timeout, WithParent, network_options
+from mpc_cover.cli.network_options import (
+    Config,
+    Connect,
+    CredentialsFolder,
+    Insecure,
+    Listen,
+    Timeout,
+    WithParent,
+    credentials_for,
+    network_options,
+)
 from mpc_cover.cli.options import (
     ControllerOption,
     MissionArgument,
@@ -28,6 +38,8 @@ def agent(
     listen: Listen = None,
     config: Config = None,
     connect_timeout: Timeout = 10.0,
+    credentials: CredentialsFolder = None,
+    insecure: Insecure = False,
     record: Annotated[
         Path | None, typer.Option("--record", metavar="FILE", help="Write the exact motion here, as JSON lines.")
     ] = None,
@@ -39,23 +51,27 @@ def agent(
 ) -> None:
     """Be one simulated agent: fly the plans that come, each to its end at rest, until a signal comes.
 
-    Without -e, -l and --config it connects to tcp/127.0.0.1:7474, where `mpc-cover serve` listens.
+    Without -e, -l and --config it connects to tcp/127.0.0.1:7474, where `mpc-cover serve` listens; with --credentials
+    to tls/127.0.0.1:7474, and flies no plan but those that the fleet's controller has signed.
 
     With --controller potential no plans come: it flies by the potential law on what it hears from the others, and ends
     when all know that everything is covered. Without endpoints the agents of a mission find each other on loopback.
     """
-    from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT  # noqa: PLC0415 - --help needs none of these
-    from mpc_cover.service.run.serve import AgentOptions, run_agent  # noqa: PLC0415
+    from mpc_cover.service.run.serve import AgentOptions, check_agent_id, run_agent  # noqa: PLC0415 - slow to import
 
     check_speed(speed)
     loaded = load(mission)
+    check_agent_id(loaded, agent_id)
+    who = credentials_for(credentials, agent_id, f"agent --id {agent_id}", insecure=insecure)
     if record is not None:
         output_path(record, record, file_taken, overwrite=overwrite, option="--record")
     options = AgentOptions(speed, record, with_parent, seed)
     if controller_for(controller, loaded) is ControllerName.POTENTIAL:
         from mpc_cover.service.run.swarm_daemon import run_swarm_agent  # noqa: PLC0415
 
-        network = network_options(connect, listen, config, connect_timeout)
+        network = network_options(connect, listen, config, connect_timeout, credentials=who, insecure=insecure)
         raise typer.Exit(run_swarm_agent(loaded, agent_id, options, network))
-    network = network_options(connect, listen, config, connect_timeout, default_connect=DEFAULT_ENDPOINT)
+    network = network_options(
+        connect, listen, config, connect_timeout, credentials=who, insecure=insecure, default="connect"
+    )
     raise typer.Exit(run_agent(loaded, agent_id, options, network))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from mpc_cover.cli.network_options import FleetFolder, warn
 from mpc_cover.cli.options import (
     ControllerOption,
     FlightBackend,
@@ -26,6 +27,8 @@ from mpc_cover.cli.options import (
 from mpc_cover.control.controller_name import ControllerName
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.console import Console
 
     from mpc_cover.mission.load import Mission
@@ -43,6 +46,7 @@ def demo(
     speed: Speed = 1.0,
     kill: Kill = None,
     controller: ControllerOption = ControllerName.MPC.value,
+    credentials: FleetFolder = None,
     as_json: Json = False,
 ) -> None:
     """Fly a mission with a controller and its agents as real processes over Zenoh on loopback."""
@@ -55,15 +59,32 @@ def demo(
     solver = flight_backend(backend, controller)
     loaded = load(mission)
     deaths = parse_kills(kill or [], loaded)
+    if credentials is not None:
+        _check_fleet(credentials, loaded)
     distributed = controller_for(controller, loaded) is ControllerName.POTENTIAL
     fly = _fly_distributed if distributed else _fly_centralised
     folder = RunFolder(run_path(out, loaded, overwrite=overwrite), RecordingKind.DEMO, loaded)
     console = console_for(as_json=as_json)
     fleet = f"{loaded.fleet.size} agents, {loaded.field.size} cells"
     console.print(f"{loaded.spec.name}: {fleet}; run folder {folder.path}", highlight=False, markup=False)
-    summary, extra, status = fly(loaded, DemoOptions(solver, seed, speed, deaths), folder, console)
+    summary, extra, status = fly(loaded, DemoOptions(solver, seed, speed, deaths, credentials), folder, console)
     finish(console, summary, extra, as_json=as_json, where=folder.path)
     raise typer.Exit(status)
+
+
+def _check_fleet(folder: Path, mission: Mission) -> None:
+    """Check that there are credentials of everybody who takes part.
+
+    Raises
+    ------
+    UserError
+        Some are missing, or cannot be used.
+    """
+    from mpc_cover.service.credentials.folder import load_credentials  # noqa: PLC0415 - others need none
+    from mpc_cover.service.credentials.roles import CONTROLLER, ROUTER  # noqa: PLC0415 - likewise
+
+    for role in (ROUTER, CONTROLLER, *mission.fleet.ids):
+        load_credentials(folder / role, warn).require(role, f"the {role} of a demo")
 
 
 def _fly_centralised(

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from mpc_cover.cli.network_options import Config, Connect, Timeout, network_options
+from mpc_cover.cli.network_options import (
+    Config,
+    Connect,
+    CredentialsFolder,
+    Insecure,
+    Timeout,
+    credentials_for,
+    network_options,
+)
 from mpc_cover.cli.options import Json, MissionArgument, load, print_json
 from mpc_cover.exit_status import exit_status
 
@@ -20,6 +28,8 @@ def retask(
     connect: Connect = None,
     config: Config = None,
     connect_timeout: Timeout = 10.0,
+    credentials: CredentialsFolder = None,
+    insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
     """Let a running controller go on with another version of its mission, for the same fleet, without a restart.
@@ -28,13 +38,16 @@ def retask(
     controller refuses, or does not answer.
     """
     from mpc_cover.control.factory import require_double  # noqa: PLC0415 - --help needs none of these
+    from mpc_cover.service.credentials.roles import OPERATOR  # noqa: PLC0415
     from mpc_cover.service.protocol.bus import RequestError, UnreachableError  # noqa: PLC0415
-    from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT  # noqa: PLC0415
     from mpc_cover.service.run.retask import retask as run_retask  # noqa: PLC0415
 
     loaded = load(mission)
     require_double(loaded)
-    network = network_options(connect, None, config, connect_timeout, default_connect=DEFAULT_ENDPOINT)
+    who = credentials_for(credentials, OPERATOR, "retask", insecure=insecure)
+    network = network_options(
+        connect, None, config, connect_timeout, credentials=who, insecure=insecure, default="connect"
+    )
     try:
         reply = run_retask(loaded, network)
     except (UnreachableError, RequestError) as error:

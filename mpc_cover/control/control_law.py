@@ -33,11 +33,13 @@ class Proposal:
         decides whether it is sent.
     source : how it was obtained.
     reason : what was done, or why nothing better was found, in words.
+    eased : whether the fleet is so tight that its plans do not keep apart from all that others may hold.
     """
 
     trajectory: Trajectory
     source: PlanSource = PlanSource.NEW
     reason: str = ""
+    eased: bool = False
 
 
 class ControlLaw(Protocol):

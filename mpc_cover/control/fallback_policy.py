@@ -9,6 +9,8 @@ from mpc_cover.control.control_law import PlanSource, Proposal
 from mpc_cover.control.horizon import ended_at_rest
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mpc_cover.control.planning_constraints import PlanningConstraints
     from mpc_cover.model.fleet_state import FleetState
     from mpc_cover.model.trajectory import Trajectory
@@ -36,14 +38,40 @@ def best_proposal(
         for horizons in _HORIZONS:
             horizon = horizons * constraints.horizon
             every = 1 if horizons == 1 else max(1, constraints.horizon // _TRIED)
-            for trajectory in islice(ended_at_rest(plan, constraints.planned, horizon), 0, None, every):
-                if constraints.keeps(trajectory, state):
-                    return Proposal(trajectory, PlanSource.NEW, reason)
+            beginnings = islice(ended_at_rest(plan, constraints.planned, horizon), 0, None, every)
+            if (proposal := _first_safe(constraints, state, list(beginnings), incumbent, reason)) is not None:
+                return proposal
             if plan.steps <= horizon:
                 break
     reason = "no new plan passed the verifier"
     shifted = _shifted(constraints, state, incumbent)
     return Proposal(shifted, PlanSource.SHIFTED, reason) if shifted else _brake(constraints, state, reason)
+
+
+def _first_safe(
+    constraints: PlanningConstraints,
+    state: FleetState,
+    beginnings: Sequence[Trajectory],
+    incumbent: Trajectory | None,
+    reason: str,
+) -> Proposal | None:
+    """Return the first beginning of a plan that is verified and keeps away from all that other agents may hold.
+
+    Where not even the shortest does, the fleet is too tight for that: then the longest that is verified, eased; None
+    where reports are missing, too.
+    """
+    kept = (one for one in beginnings if constraints.keeps(one, state))
+    longest = next(kept, None)
+    if longest is None:
+        return None
+    if constraints.apart_from_held(longest, state, incumbent):
+        return Proposal(longest, PlanSource.NEW, reason)
+    if constraints.apart_from_held(beginnings[-1], state, incumbent):
+        for shorter in kept:
+            if constraints.apart_from_held(shorter, state, incumbent):
+                return Proposal(shorter, PlanSource.NEW, reason)
+    eased = constraints.apart_from_held(longest, state, incumbent, eased=True)
+    return Proposal(longest, PlanSource.NEW, reason, eased=True) if eased else None
 
 
 def stop_proposal(

@@ -171,7 +171,16 @@ class PlanImprovement:
         return (
             constraints.keeps(plan, state)
             and constraints.safe_if_missed(plan, known)
+            and self._is_apart(plan, known, state, incumbent)
             and constraints.keeps_passive_safety(plan, known, self._state_before(state, incumbent))
+        )
+
+    def _is_apart(self, plan: Trajectory, known: Trajectory, state: FleetState, incumbent: Trajectory | None) -> bool:
+        """Return whether a plan keeps away from what others may hold, or does so no less than the known one."""
+        horizon, apart = self._constraints.horizon, self._constraints.apart_from_held
+        ours, theirs = (one.slice(0, min(one.steps, horizon)) for one in (plan, known))
+        return apart(ours, state, incumbent) or (
+            not apart(theirs, state, incumbent) and apart(ours, state, incumbent, eased=True)
         )
 
     def _state_before(self, state: FleetState, incumbent: Trajectory | None) -> tuple[FloatArray, FloatArray] | None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from mpc_cover.constraints.passive_safety import braking_violation
 from mpc_cover.control.constraint_relaxation import attainable_bounds, strict_bounds
+from mpc_cover.control.held_plans import crossing
 from mpc_cover.control.obstacle_trajectories import path_among
 from mpc_cover.control.reachability import reachable
 from mpc_cover.control.stopping import stopping_motions
@@ -122,6 +123,13 @@ class PlanningConstraints:
     def keeps(self, plan: Trajectory, state: FleetState) -> bool:
         """Return whether the verifier accepts a plan from a state."""
         return self.bounds.keeps(path_among(plan, state), state.actual)
+
+    def apart_from_held(
+        self, plan: Trajectory, state: FleetState, incumbent: Trajectory | None, *, eased: bool = False
+    ) -> bool:
+        """Return whether a plan keeps away from all that other agents may fly, or as far as what is flown otherwise."""
+        known = [] if incumbent is None else [incumbent.remainder(state.time, state.position, state.velocity)]
+        return crossing(plan, state, self.bounds.planned, [*known, self.brake(state)], eased=eased) is None
 
     def safe_if_missed(self, plan: Trajectory, known: Trajectory) -> bool:
         """Return whether the bounds hold while any agent stays on the known plan, until the missed one is noticed."""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpc_cover.control.constraint_relaxation import attainable_bounds, strict_bounds
+from mpc_cover.control.held_plans import crossing
 from mpc_cover.control.obstacle_trajectories import path_among
 from mpc_cover.control.stopping import stopping_motions
 from mpc_cover.model.braking import braking_trajectory
@@ -46,14 +47,20 @@ class SafetyFilter:
     def __init__(self, mission: Mission) -> None:
         self._fleet, self._control = tightened(mission), mission.spec.control
 
-    def admit(self, trajectory: Trajectory, state: FleetState, incumbent: Trajectory | None) -> Verdict:
+    def admit(
+        self, trajectory: Trajectory, state: FleetState, incumbent: Trajectory | None, *, eased: bool = False
+    ) -> Verdict:
         """Return whether a trajectory may be sent to a fleet in this state; `incumbent` is the one that was sent last.
+
+        `eased` as in `held_plans.crossing`.
 
         Never raises on account of the trajectory.
         """
         if (problem := self._malformed(trajectory, state)) is not None:
             return Verdict(admitted=False, reason=problem)
-        failure = self._bounds(state, incumbent).failure(path_among(trajectory, state), state.actual)
+        bounds = self._bounds(state, incumbent)
+        failure = bounds.failure(path_among(trajectory, state), state.actual)
+        failure = failure or crossing(trajectory, state, bounds.planned, self._known(state, incumbent), eased=eased)
         return Verdict(admitted=failure is None, reason=failure or "")
 
     def earliest_stop(self, state: FleetState, incumbent: Trajectory | None, *, on_sample: bool) -> Trajectory | None:
@@ -66,16 +73,21 @@ class SafetyFilter:
             state, incumbent if on_sample else None, fleet, control.period_s, control.horizon_periods
         )
         bounds = self._bounds(state, incumbent) if on_sample else strict_bounds(fleet)
-        return next((motion for motion in motions if bounds.keeps(path_among(motion, state), state.actual)), None)
+        known = self._known(state, incumbent if on_sample else None)
+        kept = (motion for motion in motions if bounds.keeps(path_among(motion, state), state.actual))
+        return next((one for one in kept if crossing(one, state, bounds.planned, known) is None), None)
 
     def _bounds(self, state: FleetState, incumbent: Trajectory | None) -> MotionBounds:
         """Return the bounds that hold from a state on: the mission's, or those that a known motion attains."""
+        fleet, known = without_lost(self._fleet, state.lost), self._known(state, incumbent)
+        return attainable_bounds(fleet, [path_among(motion, state) for motion in known], state.actual)
+
+    def _known(self, state: FleetState, incumbent: Trajectory | None) -> list[Trajectory]:
+        """Return what is flown otherwise: the rest of the incumbent plan, and braking at once."""
         control, fleet = self._control, without_lost(self._fleet, state.lost)
-        known = [] if incumbent is None else [incumbent.remainder(state.time, state.position, state.velocity)]
-        stop = braking_trajectory(
-            state.position, state.velocity, fleet, state.time, control.period_s, control.horizon_periods
-        )
-        return attainable_bounds(fleet, [path_among(motion, state) for motion in (*known, stop)], state.actual)
+        here = state.position, state.velocity
+        known = [] if incumbent is None else [incumbent.remainder(state.time, *here)]
+        return [*known, braking_trajectory(*here, fleet, state.time, control.period_s, control.horizon_periods)]
 
     def _malformed(self, trajectory: Trajectory, state: FleetState) -> str | None:
         """Return why a trajectory is none of this fleet from this state on, or None."""

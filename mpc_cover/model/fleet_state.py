@@ -10,7 +10,7 @@ import numpy as np
 from mpc_cover.model.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from mpc_cover.arrays import BoolArray, FloatArray
 
@@ -26,6 +26,7 @@ class FleetState:
     lost : (m,) mask of lost agents, which are obstacles for the others.
     speed_share : (m,) part of its speed limit that each agent has been observed to reach.
     obstacles : trajectories, in mission time, of lost agents that still move, by agent index.
+    held : motions (N+1, d), in mission time, of which an agent flies one, by agent index; see `control.held_plans`.
     settled : whether all agents have reported to be at rest with no plan left to fly: there is time for a long search.
     """
 
@@ -35,6 +36,7 @@ class FleetState:
     lost: BoolArray
     speed_share: FloatArray
     obstacles: Mapping[int, Trajectory] = field(default_factory=dict)
+    held: Mapping[int, Sequence[Trajectory]] = field(default_factory=dict)
     settled: bool = False
 
     @classmethod
@@ -42,6 +44,11 @@ class FleetState:
         """Return the state of a fleet without lost or slow agents."""
         agents = position.shape[0]
         return cls(position, velocity, time, np.zeros(agents, dtype=bool), np.ones(agents), settled=settled)
+
+    @property
+    def acknowledged(self) -> bool:
+        """Whether each agent has reported the plan that it flies, and none was sent to it since."""
+        return all(len(motions) <= 1 for motions in self.held.values())
 
     @property
     def actual(self) -> tuple[FloatArray, FloatArray]:

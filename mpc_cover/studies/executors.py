@@ -5,19 +5,23 @@ from __future__ import annotations
 import asyncio
 import signal
 from contextlib import closing
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 from mpc_cover.errors import UserError
 from mpc_cover.studies.measure import failed
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Sequence
+    from collections.abc import Callable, Generator, Sequence
     from types import TracebackType
 
     from mpc_cover.studies.measure import Fly
     from mpc_cover.studies.record import Record
     from mpc_cover.studies.runs import Run
 
+R = TypeVar("R")
+"""A run."""
+D = TypeVar("D")
+"""What is known of a run that is done."""
 CONNECT_S = 10.0
 """How long to wait for a cluster [s]."""
 _KEPT = "what is finished is kept, and the same command goes on from there"
@@ -56,7 +60,7 @@ class LocalExecutor:
     ) -> None:
         """Do nothing: processes end with the last run."""
 
-    def fly(self, runs: Sequence[Run], fly: Fly) -> Generator[Record]:
+    def fly(self, runs: Sequence[R], fly: Callable[[R], D]) -> Generator[D]:
         """Fly the runs.
 
         Raises
@@ -81,7 +85,7 @@ class LocalExecutor:
             raise UserError(f"{why}: {_KEPT}") from None
 
 
-def _undisturbed(fly: Fly, run: Run) -> Record:
+def _undisturbed(fly: Callable[[R], D], run: R) -> D:
     """Fly in a process of its own, which leaves Ctrl-C to the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return fly(run)

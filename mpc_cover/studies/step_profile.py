@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections import defaultdict
 from contextlib import ExitStack
+from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,7 @@ PLACES = {
         "control.constraint_relaxation:verify_motion",
         "control.constraint_relaxation:MotionBounds.keeps_mixed",
     ),
+    "plans held": ("control.planning_constraints:crossing",),
     "attainable bounds": ("control.planning_constraints:PlanningConstraints.update",),
     "splicing": (
         "control.plan_improvement:spliced",
@@ -132,7 +134,9 @@ def _fly(
         if coverage.complete and steps:
             break
         law.published(plan)
-        state, budget = FleetState.nominal(*plan.at(then), then), Budget.counted(control.deadline_fraction * period)
+        held = {index: [plan.agent(index)] for index in range(plan.position.shape[1])}
+        state = replace(FleetState.nominal(*plan.at(then), then), held=held)
+        budget = Budget.counted(control.deadline_fraction * period)
         watch.reset()
         begun = time.perf_counter()
         plan = law.step(state, coverage, budget).trajectory

@@ -13,7 +13,21 @@ def test_version(run):
 
 
 @pytest.mark.parametrize(
-    "command", [(), ("demo",), ("serve",), ("agent",), ("retask",), ("simulate",), ("plan",), ("check",), ("plot",)]
+    "command",
+    [
+        (),
+        ("demo",),
+        ("serve",),
+        ("agent",),
+        ("retask",),
+        ("command",),
+        ("router",),
+        ("keys", "new"),
+        ("simulate",),
+        ("plan",),
+        ("check",),
+        ("plot",),
+    ],
 )
 def test_help(run, command):
     status, out, err = run(*command, "--help")

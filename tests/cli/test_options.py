@@ -11,6 +11,7 @@ COMMANDS = [
     pytest.param(("serve",), id="serve"),
     pytest.param(("agent", "--id", "a1"), id="agent"),
     pytest.param(("retask",), id="retask"),
+    pytest.param(("command", "pause"), id="command"),
 ]
 
 

@@ -22,6 +22,7 @@ WRITES = {
     "plot": (("plot", "run", "--out", "there"), "there/overview.png"),
     "bench planner": (("bench", "planner", "t.yaml", "--out", "there"), "there/bench.csv"),
     "size": (("size", "--out", "there"), "there/figure-1.2.png"),
+    "keys new": (("keys", "new", "barn", "--agents", "a1", "--out", "there"), "there/a1/key.pem"),
     "study laws": (("study", "laws", "t.yaml", "--out", "there"), "there/laws.json"),
     "study thesis": (("study", "thesis", "--out", "there"), "there/index.html"),
 }
@@ -32,6 +33,7 @@ QUICKLY = {
     "plot": (),
     "bench planner": ("--peers", "ours-piqp", "--guess", "rest"),
     "size": ("--seeds", "0"),
+    "keys new": (),
 }
 """Those that are done in a second or two, with what makes them so."""
 
@@ -44,7 +46,7 @@ def there(tmp_path, simulated):
 
     def there(name):
         file = tmp_path / name
-        file.parent.mkdir(exist_ok=True)
+        file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(b"precious")
         if name.endswith("trajectory.npz"):
             (file.parent / "run.json").write_text("{}")

@@ -40,8 +40,10 @@ def small_mission(height=4.0, *, disturbance=None, reach=3.0, **control) -> Miss
 class Bench:
     """A clock, a bus, and ticks of whoever takes part, each when it is due."""
 
-    def __init__(self, mission: Mission, channel=None) -> None:
+    def __init__(self, mission: Mission, channel=None, sign=None) -> None:
+        """`sign`, where there is one, returns the transport of a role that has keys."""
         self.mission = mission
+        self._sign = sign or (lambda role, transport: transport)
         self.clock = VirtualClock(100.0)
         self.bus = LocalBus(self.clock, channel)
         self.keys = Keys(mission.spec.name)
@@ -60,7 +62,7 @@ class Bench:
         agent = Agent(
             mission or self.mission,
             name,
-            self.transports[name],
+            self._sign(name, self.transports[name]),
             clock or self.clock,
             instance=instance or f"{name}-life",
             seed=seed,
@@ -79,7 +81,8 @@ class Bench:
 
     def controller(self, law, **options) -> Controller:
         options = {"budget_of": Budget.counted, "say": self.said.append, **options}
-        controller = Controller(self.mission, law, self.bus.join(), self.clock, **options)
+        transport = self._sign("controller", self.bus.join())
+        controller = Controller(self.mission, law, transport, self.clock, **options)
         controller.startup()
         return controller
 

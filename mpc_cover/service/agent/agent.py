@@ -129,6 +129,8 @@ class Agent:
             self.vehicle.advance(now, self.schedule)
             for item in self._plans.drain():
                 self._receive(item, now)
+            for error in self._plans.take_refused():
+                self._reject(error)
             self.vehicle.advance(now, self.schedule)
             self._controllers.tick(now)
             self._read_index = max(self._read_index + 1, math.floor((now + SNAP_S) / self._inbox_s) + 1)
@@ -206,6 +208,7 @@ class Agent:
             refused=self._refused,
             epoch=max(self._authority.epoch, 0),
             controller=self._authority.controller,
+            heard=self._controllers.controller,
         )
         self._seq += 1
         if self._recorder:

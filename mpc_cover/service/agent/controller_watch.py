@@ -45,6 +45,13 @@ class ControllerWatch:
         self._told_others: frozenset[str] = frozenset()
         self._told: tuple[str, Phase] | None = None
         self._controller = ""
+        self._signed = transport.signed
+        self._newest: tuple[int, str, int] = -1, "", -1
+
+    @property
+    def controller(self) -> str:
+        """The controller process that was heard last; empty before the first."""
+        return self._controller
 
     def tick(self, now_s: float) -> None:
         """Take in what was heard by `now_s` of the agent's clock [s]."""
@@ -53,9 +60,19 @@ class ControllerWatch:
                 status = decode_status(item.payload)
             except RejectedError:
                 continue
+            if self._signed and not self._is_news(status):
+                continue  # sent again by somebody who could not have made it
             self._check_id(status, now_s)
             self._follow(status)
         self._look_around(now_s)
+
+    def _is_news(self, status: Status) -> bool:
+        """Return whether a status is newer than all that were heard."""
+        epoch, controller, seq = self._newest
+        if status.epoch < epoch or ((status.epoch, status.controller) == (epoch, controller) and status.seq <= seq):
+            return False
+        self._newest = status.epoch, status.controller, status.seq
+        return True
 
     def _check_id(self, status: Status, now_s: float) -> None:
         known = status.instances.get(self._id, self._instance)

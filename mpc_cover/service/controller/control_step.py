@@ -66,7 +66,7 @@ class ControlStep:
         emit: Callable[[str, str], None],
     ) -> None:
         self.failures = 0
-        self.sent = False
+        self.sent = self._eased = False
         self._law, self._publisher, self._emit = law, publisher, emit
         self._mission_clock, self._clock, self._step_log = mission_clock, clock, step_log
         self._control, self._speed, self._budget_of = control, speed, budget_of
@@ -184,12 +184,16 @@ class ControlStep:
     def _publish(self, proposal: Proposal, state: FleetState, supervisor: FleetSupervisor) -> bool:
         """Send a proposal, if the safety filter admits it, and inform the law; return whether it was sent."""
         links, origin_s = supervisor.monitor.links, self._mission_clock.origin_s
-        verdict = self._publisher.publish(proposal.trajectory, state, links, origin_s, self._clock.now())
+        now_s, eased = self._clock.now(), proposal.eased
+        verdict = self._publisher.publish(proposal.trajectory, state, links, origin_s, now_s, eased=eased)
         if not verdict.admitted:
             self.failures += 1
             self._emit("refused", f"the safety filter refuses a plan: {verdict.reason}; the previous plan goes on")
             return False
         self.failures = 0
+        if eased and not self._eased:
+            self._emit("eased", "the fleet is too tight to keep apart for long where messages are lost")
+        self._eased = eased
         try:
             self._law.published(proposal.trajectory)
         except Exception as error:  # noqa: BLE001 - it was sent all the same

@@ -108,7 +108,7 @@ class Controller:
         self._told_others: dict[str, str] = {}
         self._control = mission.spec.control
         self._checkpoints: CheckpointStore = checkpoints or NoCheckpoints()
-        self._commands = CommandServer(mission, transport)
+        self._commands = CommandServer(mission, transport, identity)
         self._mission_clock = MissionClock(clock, self._control.period_s, resume.mission_time_s if resume else 0.0)
         self.coverage = make_map(mission)
         self._measurements = MeasurementUpdate(
@@ -116,6 +116,7 @@ class Controller:
         )
         self.fleet_monitor, self._law_for = self._measurements.monitor, law_for
         self.fleet_monitor.earlier_versions = list(versions)
+        self.fleet_monitor.identity = identity
         self._publisher = PlanPublisher(mission, transport, epoch, identity)
         self._record = FlightRecord(recorders, mission.fleet, self._publisher.find) if recorders else None
         self.fleet_monitor.on_state = self._record.add if self._record else None
@@ -228,6 +229,8 @@ class Controller:
                 self._told_others[name] = other
                 text = f"instance {other[:8]} says that it is {name}, too: it is not listened to while {name} is here"
                 self.heartbeat.events.emit(f"twice-{name}"[:64], text)
+        for error in self.fleet_monitor.not_genuine:
+            self.heartbeat.events.emit("state-refused", f"ignores a state: {error}")
 
     def _compare_epochs(self) -> None:
         """Withdraw before a controller of a higher epoch; where only its epoch is left, take the next one."""
@@ -250,7 +253,10 @@ class Controller:
             self.heartbeat.events.emit("epoch-kept", f"epoch {verdict.epoch} cannot be written: {error.strerror}")
 
     def _execute_commands(self) -> None:
-        for command in self._commands.receive():
+        commands = self._commands.receive()
+        for error in self._commands.take_refused():
+            self.heartbeat.events.emit("command-refused", f"ignores a command: {error}")
+        for command in commands:
             match command.name:
                 case CommandName.ABORT:
                     self._phases.stop(Phase.FAILED, "aborted")

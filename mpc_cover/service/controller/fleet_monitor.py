@@ -57,6 +57,7 @@ class AgentLink:
     _smallest: float = np.inf
     _frozen: float | None = None
     retired: set[str] = field(default_factory=set)
+    _newest_seq: dict[str, int] = field(default_factory=dict)
 
     @property
     def offset(self) -> float:
@@ -77,10 +78,13 @@ class AgentLink:
         """
         restarted = self.state is None or state.instance != self.state.instance
         if restarted:
+            if state.seq <= self._newest_seq.get(state.instance, -1):  # of a process that came back, or a replay of it
+                raise RejectedError(Reason.OLD, f"state {state.seq} of {self.id}, instance {state.instance}")
             self._begin(state)
         else:
             self._check(state)
         self.previous, self.state = None if restarted else self.state, state
+        self._newest_seq[state.instance] = state.seq
         self._smallest = min(self._smallest, received_s - state.time_s - self.delay_s)
         return restarted
 
@@ -131,6 +135,8 @@ class FleetMonitor:
     rejected : states that were rejected, by reason.
     restarted : ids of the agents whose process was seen for the first time in the last `receive`.
     on_state : called with number and link of an agent after each accepted state.
+    not_genuine : why states were turned away in the last `receive` before they were looked at.
+    identity : the controller's: where messages are signed, an agent is ready only once it says that it has heard it.
     others : by id, the last other process of an agent that was turned away, as its id is taken.
     """
 
@@ -143,6 +149,8 @@ class FleetMonitor:
         ]
         self.rejected: Counter[Reason] = Counter()
         self.restarted: list[str] = []
+        self.identity, self._signed = "", transport.signed
+        self.not_genuine: list[RejectedError] = []
         self._known: dict[str, int] = {}
         self.others: dict[str, str] = {}
         self.on_state: Callable[[int, AgentLink], None] | None = None
@@ -176,15 +184,24 @@ class FleetMonitor:
         """
         measured: list[list[State]] = [[] for _ in self.links]
         self.restarted = []
-        for item in self._states.drain():
+        items, self.not_genuine = self._states.drain(), self._states.take_refused()
+        self.rejected.update(error.reason for error in self.not_genuine)
+        for item in items:
             try:
                 index, state = self._accept(item)
             except RejectedError as error:
                 self.rejected[error.reason] += 1
             else:
-                if state.seq > self._known.get(state.instance, -1):
+                if state.seq > self._known.get(state.instance, -1) and self._is_of_this_flight(state):
                     measured[index].append(state)
         return [self._round(measured, number) for number in range(max(map(len, measured)))]
+
+    def _is_of_this_flight(self, state: State) -> bool:
+        """Return whether a state, where all are signed, is no replay of what was measured in another flight.
+
+        It names this controller, or is of a process that the controller knew whose flight goes on.
+        """
+        return not self._signed or state.heard == self.identity or state.instance in self._known
 
     def _accept(self, item: Received) -> tuple[int, State]:
         state = decode_state(item.payload, self._shape[1])
@@ -258,6 +275,8 @@ class FleetMonitor:
             elif link.state.speed != self.speed:
                 own = f"this controller at {self.speed:g}"
                 reasons[link.id] = f"{link.id} runs at --speed {link.state.speed:g}, {own}"
+            elif self._signed and link.state.heard != self.identity:
+                reasons[link.id] = f"{link.id} has not heard this controller yet"
             elif not link.state.at_rest:
                 reasons[link.id] = f"{link.id} still moves"
         return reasons

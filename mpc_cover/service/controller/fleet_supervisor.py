@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import numpy as np
 from mpc_cover.control.reachability import reachable
 from mpc_cover.model.constraint_tightening import tightened, without_lost
 from mpc_cover.model.fleet_state import FleetState
-from mpc_cover.model.trajectory import SNAP_S
+from mpc_cover.model.trajectory import SNAP_S, Trajectory
 from mpc_cover.service.agent.recorded_motion import motion_of, rests_from
 from mpc_cover.service.controller.failure_detector import SILENT_PART, FailureDetector, FailureMode
 from mpc_cover.service.controller.plan_publisher import UnknownPlanError
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import BoolArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.model.trajectory import Trajectory
     from mpc_cover.service.agent.vehicle import MotionState
     from mpc_cover.service.controller.fleet_monitor import FleetMonitor
     from mpc_cover.service.controller.plan_publisher import PlanPublisher
@@ -64,7 +64,7 @@ class FleetSupervisor:
         self._detector = FailureDetector(mission, monitor)
         self._predictor = StatePredictor(mission, publisher)
         self._speeds = SpeedEstimator(mission)
-        self._horizon_s = control.horizon_s
+        self._horizon_s, self._period_s = control.horizon_s, control.period_s
         known = {name: at for name, at in rest_positions.items() if name in self._ids}
         self._rest_positions = {self._ids.index(name): np.array(at) for name, at in known.items()}
         self._off_track: set[int] = set()
@@ -117,8 +117,9 @@ class FleetSupervisor:
 
     def state_at_rest(self, mission_time_s: float) -> FleetState:
         """Return the state of a fleet at rest: by its plans, and of lost agents where they rest."""
-        links, lost = enumerate(self.monitor.links), self._detector.lost
-        return self._state([self._rest_of(i) if i in lost else link.planned() for i, link in links], mission_time_s)
+        links, lost = list(enumerate(self.monitor.links)), self._detector.lost
+        state = self._state([self._rest_of(i) if i in lost else link.planned() for i, link in links], mission_time_s)
+        return replace(state, held={i: self._held_at_rest(i, state) for i, _ in links})
 
     def moved_since(self, state: FleetState) -> bool:
         """Return whether any agent that is not lost has moved since a state at rest."""
@@ -137,7 +138,8 @@ class FleetSupervisor:
         states = [self._predict_agent(index, time_s) for index in range(len(self._ids))]
         stopping = {index: self._stopping_motion(index, origin_s) for index in self._detector.lost}
         moving = {i: motion for i, motion in stopping.items() if motion and motion.end_time > time_s - origin_s}
-        return replace(self._state(states, mission_time_s), obstacles=moving, settled=False)
+        held = {index: self._held(index, time_s, origin_s) for index in range(len(self._ids))}
+        return replace(self._state(states, mission_time_s), obstacles=moving, held=held, settled=False)
 
     @property
     def reachable(self) -> BoolArray:
@@ -203,6 +205,33 @@ class FleetSupervisor:
             return None
         last = int(np.searchsorted(motion.time, rests_from(motion) + SNAP_S)) - 1
         return motion.slice(0, last).shift(link.offset - origin_s)
+
+    def _held_at_rest(self, index: int, state: FleetState) -> list[Trajectory]:
+        """Return the motions, in mission time, of an agent of a fleet at rest: where it stays, or may have ended.
+
+        Plans whose beginning it may not have received leave several.
+        """
+        places = [state.position[index]]
+        link = self.monitor.links[index]
+        if self._detector.lost.get(index) is FailureMode.LINK_LOST and link.state is not None:
+            with suppress(UnknownPlanError):
+                places += [motion.position[-1] for motion in self._predictor.held(index, link, np.inf)]
+        different = np.unique(np.array(places), axis=0)
+        return [Trajectory.at_rest(place, state.time, self._period_s, 1) for place in different]
+
+    def _held(self, index: int, time_s: float, origin_s: float) -> list[Trajectory]:
+        """Return the motions, in mission time, of which an agent flies one; none of one whose process died.
+
+        Raises
+        ------
+        UnknownPlanError
+            See `predict`.
+        """
+        link = self.monitor.links[index]
+        if link.state is None or self._detector.lost.get(index) is FailureMode.PROCESS_DIED:
+            return []
+        motions = self._predictor.held(index, link, time_s)
+        return [motion.shift(link.offset - origin_s) for motion in motions]
 
     def _reason_to_regroup(self, now_s: float) -> str:
         if self.monitor.restarted:

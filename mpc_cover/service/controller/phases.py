@@ -167,7 +167,10 @@ class MissionPhases:
         try:
             proposal, took_s = self._control_step.prepare(state, self._coverage)
         except Exception as error:  # noqa: BLE001 - a bug must not end the daemon without a message
-            self.enter(Phase.FAILED, f"planning failed: {error!r}")
+            self._control_step.failures += 1
+            over = self._control_step.failures >= MAX_FAILURES  # the next try is a period later
+            text = f"planning failed: {error!r}"
+            self.enter(Phase.FAILED if over else Phase.WAITING, text if over else f"{text}; it is tried again")
             return
         self._receive()
         if self.phase is not Phase.PLANNING:  # another controller has taken over meanwhile

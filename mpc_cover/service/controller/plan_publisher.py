@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mpc_cover.control.safety_filter import SafetyFilter
+from mpc_cover.model.trajectory import SNAP_S
 from mpc_cover.service.agent.schedule import Schedule, ScheduledPlan, plan_in
 from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.keys import Keys
@@ -56,17 +57,27 @@ class PlanPublisher:
         self._input_max = mission.fleet.input_max
         self._state_period = mission.spec.control.state_period_s
         self._publishers = [transport.publisher(keys.plan(name), bus.PLAN) for name in mission.fleet.ids]
-        self._sent: list[deque[Sent]] = [deque(maxlen=REMEMBERED) for _ in mission.fleet.ids]
+        # an agent that is silent is sent plans for half a horizon, all of which it may hold
+        remembered = max(REMEMBERED, 2 * mission.spec.control.horizon_periods)
+        self._sent: list[deque[Sent]] = [deque(maxlen=remembered) for _ in mission.fleet.ids]
         self._seq = 0
 
     def publish(
-        self, trajectory: Trajectory, state: FleetState, links: list[AgentLink], origin_s: float, now_s: float
+        self,
+        trajectory: Trajectory,
+        state: FleetState,
+        links: list[AgentLink],
+        origin_s: float,
+        now_s: float,
+        *,
+        eased: bool = False,
     ) -> Verdict:
         """Send each agent that is not lost its plan, if the safety filter admits the trajectory from this state.
 
-        Mission time 0 is at `origin_s` of the controller's clock, the present is `now_s` [s].
+        Mission time 0 is at `origin_s` of the controller's clock, the present is `now_s` [s]; `eased` as in
+        `held_plans.crossing`.
         """
-        verdict = self._filter.admit(trajectory, state, self._incumbent)
+        verdict = self._filter.admit(trajectory, state, self._incumbent, eased=eased)
         if not verdict.admitted:
             return verdict
         for index, link in enumerate(links):
@@ -111,6 +122,30 @@ class PlanPublisher:
         for plan in self._unreported(index, link, {link.state.plan, link.state.next_plan}):
             schedule.add(plan)
         return schedule
+
+    def may_fly(self, index: int, link: AgentLink, time_s: float) -> list[ScheduledPlan]:
+        """Return the plans of which an agent flies one from `time_s` on: reported, or sent since.
+
+        Agents take up a plan no later than it is valid, and none that is older than what they have.
+
+        Raises
+        ------
+        UnknownPlanError
+            It reports a plan that is not known here.
+        """
+        assert link.state is not None
+        state, newest = link.state, -1
+        found: list[ScheduledPlan] = []
+        for ref in (state.plan, state.next_plan):
+            if (plan := self.find(index, ref)) is not None:
+                begun = plan.motion.start_time + link.offset <= time_s + SNAP_S
+                found = [plan] if begun else [*found, plan]  # it switches by itself
+                newest = plan.ref.seq
+        for sent in self._sent[index]:
+            ref, latest_s = sent.plan.ref, sent.plan.motion.start_time + sent.plan.motion.period
+            if ref.seq > newest and ref != state.refused and state.time_s <= latest_s:
+                found.append(sent.plan)
+        return found
 
     def _unreported(self, index: int, link: AgentLink, reported: set[PlanRef | None]) -> list[ScheduledPlan]:
         """Return the plans sent since the report: agents read messages once a state period, so they may have them.

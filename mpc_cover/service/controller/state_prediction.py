@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.model.disturbance import disturbs_motion, undisturbed
-from mpc_cover.model.trajectory import SNAP_S
+from mpc_cover.model.trajectory import SNAP_S, Trajectory
 from mpc_cover.model.tube import tracking_of
 from mpc_cover.service.agent.recorder import MemoryRecorder
 from mpc_cover.service.agent.schedule import Plant, Reference, Schedule, predict
@@ -112,6 +112,23 @@ class StatePredictor:
         except UnknownPlanError:
             return newest
         return Plant(last_s, position, velocity)
+
+    def held(self, index: int, link: AgentLink, time_s: float) -> list[Trajectory]:
+        """Return the motions, in its own clock, of which an agent flies one from `time_s` of the controller's on.
+
+        They are those of its plans, or rest where it is.
+
+        Raises
+        ------
+        UnknownPlanError
+            See `predict`.
+        """
+        assert link.state is not None
+        motions = [plan.motion for plan in self._plan_publisher.may_fly(index, link, time_s)]
+        if link.state.plan is not None or link.state.next_plan is not None:
+            return motions
+        here = link.planned()[0]
+        return [Trajectory.at_rest(here, link.state.time_s, self._state_period_s, 1), *motions]
 
     def settled(self, index: int, link: AgentLink) -> bool:
         """Return whether an agent is at rest, and has no plan left that moves it.

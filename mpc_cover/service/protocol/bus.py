@@ -6,9 +6,10 @@ import math
 from collections import deque
 from dataclasses import dataclass
 from threading import Lock
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from mpc_cover.errors import UserError
+from mpc_cover.service.protocol.decoding import RejectedError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,24 +60,40 @@ class Received:
 
 
 class Inbox:
-    """A bounded queue that a callback fills and a tick empties; when full, the oldest item is dropped."""
+    """A bounded queue that a callback fills and a tick empties; when full, the oldest item is dropped.
+
+    `verify`, where there is one, returns an item without its signature, or raises RejectedError: those are turned away
+    before anybody looks at them. It is called by who empties the queue, so that a flood costs no more than its depth.
+    `admit` may raise RejectedError, too: it is asked at once, so that nobody's flood takes up the room of others.
+    """
 
     def __init__(self, depth: int) -> None:
         self._items: deque[Received] = deque(maxlen=depth)
+        self._refused: deque[RejectedError] = deque(maxlen=depth)
+        self.verify: Callable[[Received], Received] | None = None
+        self.admit: Callable[[Received], None] | None = None
         self.dropped = 0
 
     def put(self, item: Received) -> None:
         """Add a received payload."""
+        if self.admit is not None:
+            try:
+                self.admit(item)
+            except RejectedError as error:
+                self._refused.append(error)
+                return
         if len(self._items) == self._items.maxlen:
             self.dropped += 1
         self._items.append(item)
 
     def drain(self) -> list[Received]:
-        """Return everything received since last time, oldest first."""
-        items = []
-        while self._items:
-            items.append(self._items.popleft())
-        return items
+        """Return everything received since last time that is genuine, oldest first."""
+        items = _taken(self._items)
+        return items if self.verify is None else _genuine(items, self.verify, self._refused)
+
+    def take_refused(self) -> list[RejectedError]:
+        """Return why items were turned away since last time."""
+        return _taken(self._refused)
 
 
 class Presence:
@@ -118,25 +135,65 @@ class Request:
 
 
 class RequestInbox:
-    """Requests that wait for the next tick; when full, the oldest remains unanswered."""
+    """Requests that wait for the next tick; when full, the oldest remains unanswered.
+
+    `verify` is as of an `Inbox`; who made a request that is turned away is told so.
+    """
 
     def __init__(self, depth: int) -> None:
         self._items: deque[Request] = deque(maxlen=depth)
+        self._genuine: deque[Request] = deque(maxlen=depth)
+        self._refused: deque[RejectedError] = deque(maxlen=depth)
+        self.verify: Callable[[Request], Request] | None = None
 
     def put(self, request: Request) -> None:
         """Add a request."""
         self._items.append(request)
 
     def keys(self) -> list[str]:
-        """Return the keys of those that wait, oldest first."""
-        return [request.key for request in self._items.copy()]
+        """Return the keys of those that wait and are genuine, oldest first."""
+        self._sort_out()
+        return [request.key for request in self._genuine]
 
     def drain(self) -> list[Request]:
-        """Return the requests since last time, oldest first."""
-        items = []
-        while self._items:
-            items.append(self._items.popleft())
-        return items
+        """Return the requests since last time that are genuine, oldest first."""
+        self._sort_out()
+        return _taken(self._genuine)
+
+    def take_refused(self) -> list[RejectedError]:
+        """Return why requests were turned away since last time."""
+        return _taken(self._refused)
+
+    def _sort_out(self) -> None:
+        for request in _taken(self._items):
+            try:
+                self._genuine.append(request if self.verify is None else self.verify(request))
+            except RejectedError as error:
+                self._refused.append(error)
+                request.fail(str(error).encode())
+
+
+T = TypeVar("T")
+
+
+def _taken(items: deque[T]) -> list[T]:
+    """Return what is in a queue that a callback may fill meanwhile, and empty it."""
+    taken = []
+    while items:
+        taken.append(items.popleft())
+    return taken
+
+
+def _genuine(
+    items: list[Received], verify: Callable[[Received], Received], refused: deque[RejectedError]
+) -> list[Received]:
+    genuine = []
+    for item in items:
+        try:
+            genuine.append(verify(item))
+        except RejectedError as error:
+            refused.append(error)
+    return genuine
 
 
 class Publisher(Protocol):
@@ -149,6 +206,11 @@ class Publisher(Protocol):
 
 class Transport(Protocol):
     """One participant's view of the network."""
+
+    @property
+    def signed(self) -> bool:
+        """Whether all that comes in is signed by whoever may say it."""
+        ...
 
     @property
     def callback_errors(self) -> int:

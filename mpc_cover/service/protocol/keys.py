@@ -78,6 +78,11 @@ def agent_of(key: str) -> str:
     return chunks[3] if len(chunks) in {5, 6} and chunks[2] == "agent" else ""  # cover/m/agent/id/what/instance
 
 
+def is_command(key: str) -> bool:
+    """Return whether a key is that of a command."""
+    return key.split("/")[2:4] == ["ctl", "cmd"]
+
+
 def matches(pattern: str, key: str) -> bool:
     """Return whether a key matches a pattern in which `*` stands for one chunk."""
     wanted, chunks = pattern.split("/"), key.split("/")

@@ -106,6 +106,8 @@ class _LocalPublisher:
 class LocalTransport:
     """One participant of a `LocalBus`; see `bus.Transport`."""
 
+    signed = False
+
     def __init__(self, bus: LocalBus) -> None:
         self.bus = bus
         self.closed = False

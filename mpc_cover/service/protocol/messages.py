@@ -67,7 +67,8 @@ class State(Message, frozen=True, kw_only=True):
     seconds of its clock pass in a second, `mission` the fingerprint of its mission. A disturbed agent also
     reports the state that it tracks: `reference_position` and `reference_velocity`. `refused` is the plan
     that it rejected last, unless it has accepted one since. `epoch` is the highest epoch of which it has accepted a
-    plan, and `controller` whose that was: it rejects plans of lower ones, and of others of the same.
+    plan, and `controller` whose that was: it rejects plans of lower ones, and of others of the same. `heard` is the
+    process of the controller that it has heard last: what was recorded before that one began cannot name it.
     """
 
     agent: Id
@@ -86,6 +87,7 @@ class State(Message, frozen=True, kw_only=True):
     refused: PlanRef | None = None
     epoch: Count = 0
     controller: Annotated[str, msgspec.Meta(max_length=64)] = ""
+    heard: Text = ""
 
 
 class PlanMessage(Message, frozen=True, kw_only=True):
@@ -166,12 +168,14 @@ class Event(Message, frozen=True, kw_only=True):
 class CommandRequest(Message, frozen=True, kw_only=True):
     """A request for the command of its key, a `CommandName`; the request id makes repeating it harmless.
 
-    `mission` is, for a retask, the new version of the mission as JSON.
+    `mission` is, for a retask, the new version of the mission as JSON. `controller` is the controller process that it
+    is for: one that believes signatures alone turns away what was meant for another, as that may be a repeat.
     """
 
     request: Id
     text: Text = ""
     mission: MissionText = ""
+    controller: Text = ""
 
 
 class CommandReply(Message, frozen=True, kw_only=True):

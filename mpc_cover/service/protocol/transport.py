@@ -27,19 +27,23 @@ from mpc_cover.service.protocol.bus import (
     UnreachableError,
 )
 from mpc_cover.service.protocol.network import NetworkOptions, cannot_connect, cannot_listen, settings
+from mpc_cover.service.protocol.signed_transport import SignedTransport
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mpc_cover.clock import Clock
+    from mpc_cover.service.protocol.bus import Transport
 
 ATTEMPT_MS = 500
 """Duration of one attempt to connect; signals are handled between attempts."""
 JSON = "application/json"
 
 
-def open_transport(options: NetworkOptions, clock: Clock, stop: Event) -> ZenohTransport:
+def open_transport(options: NetworkOptions, clock: Clock, stop: Event) -> Transport:
     """Join the network, waiting for unreachable endpoints up to `options.connect_timeout_s`.
+
+    With credentials, what is sent is signed, and what comes is verified.
 
     Raises
     ------
@@ -50,6 +54,11 @@ def open_transport(options: NetworkOptions, clock: Clock, stop: Event) -> ZenohT
     InterruptedError
         `stop` was set meanwhile.
     """
+    transport = _open(options, clock, stop)
+    return transport if options.credentials is None else SignedTransport(transport, options.credentials)
+
+
+def _open(options: NetworkOptions, clock: Clock, stop: Event) -> ZenohTransport:
     config = _configure(options)
     deadline = time.monotonic() + options.connect_timeout_s
     while True:
@@ -102,6 +111,8 @@ class _ZenohPublisher:
 
 class ZenohTransport:
     """One Zenoh session; see `bus.Transport`."""
+
+    signed = False
 
     def __init__(self, session: zenoh.Session, clock: Clock) -> None:
         self._session = session

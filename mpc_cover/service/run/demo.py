@@ -9,7 +9,10 @@ from mpc_cover.errors import UserError
 from mpc_cover.record_seal import sealed
 from mpc_cover.service.agent.recorder import read_record
 from mpc_cover.service.controller.step_log import StepKind, read_steps
+from mpc_cover.service.credentials.folder import load_credentials
+from mpc_cover.service.credentials.roles import ROUTER
 from mpc_cover.service.protocol.network import NetworkOptions
+from mpc_cover.service.protocol.secure_network import TLS
 from mpc_cover.service.protocol.transport import open_transport
 from mpc_cover.service.run.daemon import Signals
 from mpc_cover.service.run.demo_outcome import DemoResult, exit_status
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
 
     from mpc_cover.arrays import FloatArray
     from mpc_cover.mission.load import Mission
-    from mpc_cover.service.protocol.transport import ZenohTransport
+    from mpc_cover.service.protocol.bus import Transport
     from mpc_cover.service.run.run_folder import RunFolder
     from mpc_cover.verification.summary import RunSummary
 
@@ -46,7 +49,7 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
     """
     with Signals() as signals:
         clock = MonotonicClock()
-        endpoint, transport = open_observer(clock, signals)
+        endpoint, transport = open_observer(clock, signals, options)
         try:
             processes = Processes(mission, options, folder, endpoint)
             observer = Observer(mission, transport, clock)
@@ -66,16 +69,24 @@ def run_demo(mission: Mission, options: DemoOptions, folder: RunFolder, console:
     return DemoResult(status, outcome.text, summary, processes.restarts, tuple(died))
 
 
-def open_observer(clock: MonotonicClock, signals: Signals) -> tuple[str, ZenohTransport]:
+def open_observer(clock: MonotonicClock, signals: Signals, options: DemoOptions) -> tuple[str, Transport]:
     """Listen on a free port, and on another one if it is taken meanwhile; return the endpoint and the transport."""
+    folder = options.credentials
+    credentials = load_credentials(folder / ROUTER, _told_already) if folder is not None else None
+    protocol = "tcp" if credentials is None else TLS
     for attempt in range(PORT_ATTEMPTS):
-        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        endpoint = f"{protocol}/127.0.0.1:{free_port()}"
         try:
-            return endpoint, open_transport(NetworkOptions(listen=(endpoint,)), clock, signals.stop)
+            network = NetworkOptions(listen=(endpoint,), credentials=credentials)
+            return endpoint, open_transport(network, clock, signals.stop)
         except UserError:
             if attempt == PORT_ATTEMPTS - 1:
                 raise
     raise AssertionError  # unreachable: the last attempt returns or raises
+
+
+def _told_already(warning: str) -> None:
+    """Pass over a warning that the command has given."""
 
 
 def _write(

@@ -96,11 +96,13 @@ def serve(mission: Mission, options: ServeOptions, network: NetworkOptions) -> i
             refuse_second(mission, transport, signals.stop)
             transport.announce(Keys(mission.spec.name).controller_instance(identity))  # before what takes a second
             meta = {"seed": options.seed, "backend": options.backend}
-            record = None if place is None else ServedRun(mission, place, meta, options.speed, say)
-            say(f"controls {mission.spec.name} at {', '.join(network.listen + network.connect) or network.config}")
-            controller = _controller(mission, options, folder, transport, clock, identity, record)
+            tell = speaker(network)
+            record = None if place is None else ServedRun(mission, place, meta, options.speed, tell)
+            tell(f"controls {mission.spec.name} at {network.where}")
+            controller = _controller(mission, options, folder, transport, clock, identity, record, tell)
             look_s = mission.spec.control.state_period_s
-            run(controller, clock, signals.stop, _StatusLines(controller).after_tick, look_s, controller.idle)
+            lines = _StatusLines(controller, tell)
+            run(controller, clock, signals.stop, lines.after_tick, look_s, controller.idle)
         finally:
             transport.close()
         if record is not None:
@@ -151,7 +153,7 @@ def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: N
     from mpc_cover.service.agent.agent import Agent  # noqa: PLC0415 - the controller needs none
 
     check_agent_id(mission, agent_id)
-    text = f"{agent_id}: agent of {mission.spec.name}, reaches {', '.join(network.connect + network.listen)}"
+    text = f"{agent_id}: agent of {mission.spec.name}, reaches {network.where}"
     here = partial(standing_place, mission, agent_id, speed=options.speed)
     agent, status = run_agent_process(Agent, mission, agent_id, options, network, text, here)
     if agent is not None and agent.taken_by:
@@ -161,6 +163,11 @@ def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: N
             f" {mission.spec.name} already, and {own}: end that one first, or give another --id"
         )
     return status
+
+
+def speaker(network: NetworkOptions) -> Callable[[str], None]:
+    """Return what writes the lines of a process: each begins with a warning where anybody may steer the fleet."""
+    return (lambda text: say(f"INSECURE, anybody may steer: {text}")) if network.insecure else say
 
 
 def check_agent_id(mission: Mission, agent_id: str) -> None:
@@ -205,10 +212,11 @@ def run_agent_process(
         except InterruptedError:
             return None, signals.exit_status
         try:
-            say(text)
+            tell = speaker(network)
+            tell(text)
             place = here(transport, signals.stop) if here is not None else None
             if place is not None:
-                say(f"{agent_id}: stands where it was, at {', '.join(f'{x:.2f}' for x in place)}")
+                tell(f"{agent_id}: stands where it was, at {', '.join(f'{x:.2f}' for x in place)}")
             agent = make(
                 mission,
                 agent_id,
@@ -218,7 +226,7 @@ def run_agent_process(
                 speed=options.speed,
                 seed=options.seed,
                 recorder=recorder,
-                say=say,
+                say=tell,
                 **({} if place is None else {"place": place}),
             )
             run(agent, clock, signals.stop)
@@ -241,6 +249,7 @@ def _controller(
     clock: Clock,
     identity: str,
     record: ServedRun | None,
+    tell: Callable[[str], None],
 ) -> Controller:
     from mpc_cover.control.factory import make_control_law  # noqa: PLC0415 - heavy
     from mpc_cover.service.controller.checkpoint import FileCheckpoints  # noqa: PLC0415 - only here
@@ -252,10 +261,10 @@ def _controller(
     if options.fresh and resume:
         resume, text = None, "starts afresh, as asked; the checkpoint is not used"
     if text:
-        say(text)
+        tell(text)
     epoch, text = folder.next_epoch(checkpoints.epoch)
     if text:
-        say(text)
+        tell(text)
     law_for = partial(make_control_law, backend=options.backend, seed=options.seed)
     return Controller(
         mission,
@@ -272,7 +281,7 @@ def _controller(
         law_for=law_for,
         versions=checkpoints.versions,
         step_log=StepLog(options.step_log or (record.step_log if record is not None else None)),
-        say=say,
+        say=tell,
         recorders=record.recorders if record is not None else (),
     )
 
@@ -280,8 +289,8 @@ def _controller(
 class _StatusLines:
     """Writes the controller's status periodically; outside of a flight, only when it says something else."""
 
-    def __init__(self, controller: Controller) -> None:
-        self._controller = controller
+    def __init__(self, controller: Controller, tell: Callable[[str], None]) -> None:
+        self._controller, self._tell = controller, tell
         self._due_s = 0.0
         self._last = ""
 
@@ -298,7 +307,7 @@ class _StatusLines:
         )
         if line != self._last or status.phase is Phase.FLYING:
             self._last = line
-            say(line)
+            self._tell(line)
 
 
 def follow_parent(wanted: bool, stop: Event) -> None:

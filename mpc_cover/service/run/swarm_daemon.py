@@ -6,12 +6,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mpc_cover.distributed.setup import check_flyable
-from mpc_cover.service.protocol.network import DEFAULT_ENDPOINT, NetworkOptions
+from mpc_cover.service.protocol.network import default_endpoint
 from mpc_cover.service.run.serve import check_agent_id, run_agent_process
 from mpc_cover.service.swarm.agent import SwarmAgent
 
 if TYPE_CHECKING:
     from mpc_cover.mission.load import Mission
+    from mpc_cover.service.protocol.network import NetworkOptions
     from mpc_cover.service.run.serve import AgentOptions
 
 
@@ -30,8 +31,7 @@ def run_swarm_agent(mission: Mission, agent_id: str, options: AgentOptions, netw
     check_agent_id(mission, agent_id)
     check_flyable(mission)
     network = _with_default_endpoints(mission, agent_id, network)
-    where = ", ".join(network.listen + network.connect) or network.config
-    text = f"{agent_id}: agent of {mission.spec.name} without a controller, at {where}"
+    text = f"{agent_id}: agent of {mission.spec.name} without a controller, at {network.where}"
     agent, status = run_agent_process(SwarmAgent, mission, agent_id, options, network, text)
     return status if agent is None or agent.exit_status is None else agent.exit_status
 
@@ -44,7 +44,7 @@ def _with_default_endpoints(mission: Mission, agent_id: str, network: NetworkOpt
     """
     if network.listen or network.connect or network.config:
         return network
-    address, _, port = DEFAULT_ENDPOINT.rpartition(":")
+    address, _, port = default_endpoint(network.credentials).rpartition(":")
     number = mission.fleet.ids.index(agent_id)
     every = [f"{address}:{int(port) + 1 + index}" for index in range(number + 1)]
     return replace(network, listen=(every[number],), connect=tuple(every[:number]))

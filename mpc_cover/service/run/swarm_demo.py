@@ -39,7 +39,7 @@ def run_swarm_demo(mission: Mission, options: DemoOptions, folder: RunFolder, co
     """
     check_flyable(mission)
     with Signals() as signals:
-        endpoint, transport = open_observer(MonotonicClock(options.speed), signals)
+        endpoint, transport = open_observer(MonotonicClock(options.speed), signals, options)
         try:
             observer = SwarmObserver(mission, transport, MonotonicClock(options.speed))
             processes = _AgentProcesses(mission, options, folder, endpoint)
@@ -93,12 +93,14 @@ class _AgentProcesses:
         common = ["--controller", ControllerName.POTENTIAL.value, "--speed", repr(self._options.speed)]
         common += ["--seed", str(self._options.seed)]
         for name in self._mission.fleet.ids:
-            ports.append(free_port(ports))
-            endpoints.append(f"tcp/127.0.0.1:{ports[-1]}")
-            arguments = ["agent", str(self._folder.mission_file), "--id", name, *common]
-            arguments += ["--connect-timeout", f"{CONNECT_TIMEOUT_S:g}", "--listen", endpoints[-1]]
-            for other in (self._observer, *endpoints[:-1]):
-                arguments += ["--connect", other]
+            arguments = ["agent", str(self._folder.mission_file), "--id", name, *common, *self._options.of_role(name)]
+            arguments += ["--connect-timeout", f"{CONNECT_TIMEOUT_S:g}", "--connect", self._observer]
+            if self._options.credentials is None:  # with them the observer passes on what each may say
+                for other in endpoints:
+                    arguments += ["--connect", other]
+                ports.append(free_port(ports))
+                endpoints.append(f"tcp/127.0.0.1:{ports[-1]}")
+                arguments += ["--listen", endpoints[-1]]
             arguments += ["--record", str(self._folder.record(name))]
             self.agents.append(Child(name, arguments, self._folder.log(name)))
 

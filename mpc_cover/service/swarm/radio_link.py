@@ -119,12 +119,17 @@ class RadioLink:
                 word = self.codec.word(item.payload)
                 self._check_sender(word, agent_of(item.key))
             except RejectedError as error:
-                self.rejected[error.reason] += 1
-                self._events.emit(error.reason.name.lower(), f"ignores a word: {error}")
+                self._refuse(error)
             else:
                 if word.agent != self._id:
                     words.append(word)
+        for refused in self._inbox.take_refused():
+            self._refuse(refused)
         return words
+
+    def _refuse(self, error: RejectedError) -> None:
+        self.rejected[error.reason] += 1
+        self._events.emit(error.reason.name.lower(), f"ignores a word: {error}")
 
     def _reception(self, report: StateReport, word: Word, latest: int) -> Reception:
         """Decode a broadcast; reports of samples after `latest` are dropped."""

@@ -85,6 +85,8 @@ class StartAgreement:
                 continue
             if hello.agent != self._id or hello.instance != self._instance:
                 self._receive(hello, now)
+        for refused in self._inbox.take_refused():
+            self._events.emit(refused.reason.name.lower(), f"ignores an announcement: {refused}")
         if self.start_s is None and self._index == 0 and len(self._present) == self._fleet.size:
             hops = 2.0 * ANNOUNCE_EVERY_S * self._fleet.size
             self.start_s = now + self._period_s + self._speed * (hops + NOTICE_S)

@@ -144,6 +144,22 @@ def test_a_law_that_raises_leaves_the_agents_on_their_plans(bench, fleet, law):
     assert controller.exit_status == 0
 
 
+def test_a_law_that_raises_once_while_everyone_is_at_rest_plans_again(bench, fleet, law):
+    step, calls = law.step, []
+
+    def raises_once(*given):
+        calls.append(given)
+        if len(calls) == 1:
+            raise ZeroDivisionError("a bug")
+        return step(*given)
+
+    law.step = raises_once
+    controller = bench.controller(law)
+    bench.run(controller, until=flying(controller))
+    assert controller.phase is Phase.FLYING
+    assert any("it is tried again" in event.text for event in bench.events())
+
+
 def test_a_law_that_cannot_plan_at_all_is_a_failure(bench, fleet, law):
     law.raises = ValueError("no")
     controller = bench.controller(law)

@@ -85,3 +85,25 @@ def test_reports_are_late_by_the_delay_and_clocks_are_still_known_exactly():
     bench.run(controller, until=lambda: controller.done)
     assert [link.offset for link in controller.fleet_monitor.links] == pytest.approx([0.0, 0.0], abs=1e-9)
     assert controller.exit_status == 0
+
+
+def test_a_former_process_that_comes_back_goes_on_where_it_was_and_a_recording_of_it_does_not(bench, fleet, law):
+    """The first hangs, another one takes its place and hangs, too; then all that the first has said is said again."""
+    controller, monitor = (made := bench.controller(law)), made.fleet_monitor
+    bench.run(controller, seconds=1.0)
+    said = [item.payload for item in bench.hear(bench.keys.state("a1")).drain()]
+    first, record = fleet[0], bench.bus.join().publisher(bench.keys.state("a1"), bus.Quality("DATA"))
+    bench.agents.remove(first)
+    other = bench.agent("a1", instance="second-life")
+    bench.run(controller, seconds=2.5)
+    assert monitor.links[0].state.instance == "second-life"
+    bench.agents.remove(other)
+    bench.run(controller, seconds=2.0)
+    for payload in said:
+        record.publish(payload)
+    bench.run(controller, seconds=0.6)
+    assert monitor.links[0].state.instance == "second-life"
+    assert monitor.rejected[Reason.OLD] == len(said)
+    bench.agents.append(first)
+    bench.run(controller, seconds=1.0)
+    assert monitor.links[0].state.instance == first.instance

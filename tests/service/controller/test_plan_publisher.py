@@ -115,6 +115,30 @@ def test_who_is_lost_is_sent_nothing(ground):
     assert not ground.bench.plans("a2")
 
 
+def held(ground, time_s):
+    return [plan.ref.seq for plan in ground.publisher.may_fly(0, ground.fleet.links[0], time_s)]
+
+
+def test_what_was_sent_may_be_flown_until_a_report_tells(ground):
+    state = ground.at_rest()
+    assert ground.publish(ground.plan(state, 0.2), state).admitted
+    assert held(ground, 101.0) == [0]  # nobody has told yet: it, or rest
+    ground.wait(PERIOD)
+    assert held(ground, 101.0) == [0]
+    later = FleetState.nominal(*ground.plan(state, 0.2).at(101.0), 101.0)
+    assert ground.publish(ground.plan(later, 0.1), later).admitted
+    assert held(ground, 101.0) == [0, 1]
+    ground.wait(PERIOD)
+    assert held(ground, 101.5) == [1], "it has the second one, and switches to it by itself"
+
+
+def test_what_an_agent_turned_away_or_heard_too_late_is_not_flown(ground):
+    state = ground.at_rest(0.3)
+    assert ground.publish(ground.plan(state, 0.2), state).admitted
+    ground.wait(PERIOD)
+    assert held(ground, 101.0) == []
+
+
 def test_a_plan_of_another_controller_is_unknown(ground):
     stranger = ground.bench.bus.join().publisher(ground.bench.keys.plan("a2"), bus.PLAN)
     stranger.publish(encode(straight_plan(ground.agents[1], 100.5, epoch=7, controller="other")))

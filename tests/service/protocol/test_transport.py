@@ -196,13 +196,13 @@ def test_a_port_in_use_is_told():
 
 
 def test_an_address_of_another_machine_is_told():
-    assert "cannot listen on tcp/192.0.2.1:7474" in refused(listen=("tcp/192.0.2.1:7474",))
+    assert "cannot listen on tcp/192.0.2.1:7474" in refused(listen=("tcp/192.0.2.1:7474",), insecure=True)
 
 
 @pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:{}", "tcp/nowhere.invalid:{}"])
 def test_an_unreachable_endpoint_is_told_after_a_bounded_wait(endpoint):
     where = endpoint.format(free_port())
-    assert f"cannot reach {where} within 0.1 s" in refused(connect=(where,), connect_timeout_s=0.1)
+    assert f"cannot reach {where} within 0.1 s" in refused(connect=(where,), connect_timeout_s=0.1, insecure=True)
 
 
 def test_a_signal_ends_the_wait_for_an_endpoint(endpoint):

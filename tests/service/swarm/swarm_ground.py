@@ -10,12 +10,15 @@ from mpc_cover.service.swarm.agent import SwarmAgent
 class Ground:
     """Agents that wait on one bus; time passes tick by tick."""
 
-    def __init__(self, mission):
+    def __init__(self, mission, sign=None):
+        """`sign`, where there is one, returns the transport of an agent that has keys."""
+        self._sign = sign or (lambda name, transport: transport)
         self.mission, self.clock, self.said, self.agents = mission, VirtualClock(10.0), [], []
         self.bus = LocalBus(self.clock)
 
     def add(self, name, mission=None, **options):
-        agent = SwarmAgent(mission or self.mission, name, self.bus.join(), self.clock, say=self.said.append, **options)
+        transport = self._sign(name, self.bus.join())
+        agent = SwarmAgent(mission or self.mission, name, transport, self.clock, say=self.said.append, **options)
         agent.startup()
         self.agents.append(agent)
         return agent

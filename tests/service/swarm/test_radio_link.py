@@ -1,11 +1,15 @@
 """An agent's radio hears those in range, and whatever else arrives is counted and harmless."""
 
 import numpy as np
+from fleet_keys import load, make_fleet
 from swarm_ground import Ground
 from swarm_missions import swarm_mission
 
 from mpc_cover.information.delay import adjacency
+from mpc_cover.service.credentials.signature import sign, verify
 from mpc_cover.service.protocol.bus import Quality
+from mpc_cover.service.protocol.decoding import Reason
+from mpc_cover.service.protocol.signed_transport import SignedTransport
 from mpc_cover.service.run.swarm_simulate import fly_swarm
 from mpc_cover.service.swarm.radio_messages import Codec
 
@@ -36,6 +40,23 @@ def test_nobody_believes_who_is_out_of_range():
             assert near or other not in report.heard
             apart += not near
     assert apart > 20, "they were out of each other's range for a while"
+
+
+def test_with_keys_nobody_speaks_for_another_and_it_is_counted_and_said(tmp_path):
+    names = ("a1", "a2", "a3")
+    fleet = make_fleet(tmp_path, agents=names)
+    ground = Ground(swarm_mission(), sign=lambda name, transport: SignedTransport(transport, load(fleet, name)))
+    agents, words, key = [ground.add(name) for name in names], ground.bus.join(), "cover/swarm/agent/a2/word"
+    ears = words.inbox(key, 1000)
+    ground.wait(6.0)
+    genuine = ears.drain()[-1].payload
+    body = verify(load(fleet, "a2").signers["a2"], key, genuine)
+    for forged in (body, sign(load(fleet, "a3").signing_key, key, body)):
+        words.publisher(key, HISTORYLESS).publish(forged)
+    ground.wait(1.0)
+    assert agents[0].rejected == {Reason.UNSIGNED: 1, Reason.FORGED: 1}
+    assert ground.heard("ignores a word: wrongly signed: must be signed by a2")
+    assert all(agent.start_s < ground.clock.now() for agent in agents)
 
 
 def test_nonsense_is_counted_and_harmless():

@@ -1,0 +1,104 @@
+"""Separation from every plan that an agent may hold: what keeps a fleet apart whatever messages are lost.
+
+An agent flies one of the plans that it was sent since its last report, and nobody knows which. A new plan is admitted
+only if each agent's part keeps away from all plans that each other agent may hold, up to their ends at rest. By
+induction all plans that are held are apart at any time, in any combination: an agent that misses messages finishes its
+plan, and nobody is sent into its way. With everyone's reports in, that is one plan each.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpc_cover.verification.path import Path
+from mpc_cover.verification.separation import smallest_separations
+from mpc_cover.verification.tolerance import tolerance_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from mpc_cover.arrays import FloatArray, IntArray
+    from mpc_cover.model.fleet_constraints import FleetConstraints
+    from mpc_cover.model.fleet_state import FleetState
+    from mpc_cover.model.trajectory import Trajectory
+
+_SAME_TIME_S = 1e-9
+"""Samples closer than this are one [s]; a plain choice."""
+
+
+def separation_from_held(plan: Trajectory, state: FleetState) -> FloatArray:
+    """Return (m, m) [m]: how near each agent's part of a plan comes to the plans that each other agent may hold.
+
+    inf where nothing is held, on the diagonal, and for parts of lost agents, which are not sent any.
+    """
+    agents = plan.position.shape[1]
+    least = np.full((agents, agents), np.inf)
+    owner = np.array([index for index, motions in sorted(state.held.items()) for _ in motions], dtype=np.intp)
+    motions = [motion for _, several in sorted(state.held.items()) for motion in several]
+    if not motions:
+        return least
+    flying, held = _pairs(owner, state)
+    if not flying.size:
+        return least
+    distance = smallest_separations(_beside(plan, motions), (flying, agents + held))
+    np.minimum.at(least, (flying, owner[held]), distance)
+    return least
+
+
+def _pairs(owner: IntArray, state: FleetState) -> tuple[IntArray, IntArray]:
+    """Return who flies a new plan, and which of the held motions, each with its owner, are another's."""
+    flying, held = np.meshgrid(np.flatnonzero(~state.lost), np.arange(owner.size), indexing="ij")
+    other = flying != owner[held]
+    return flying[other], held[other]
+
+
+def _beside(plan: Trajectory, motions: Sequence[Trajectory]) -> Path:
+    """Return the path of a plan (m agents), and beside it that of each of the motions, until all are at rest."""
+    begin, end = plan.start_time, max([plan.end_time, *(motion.end_time for motion in motions)])
+    every = np.concatenate([plan.time, *(motion.time for motion in motions), [end]])
+    every = np.unique(every[(every >= begin) & (every <= end)])
+    every = every[np.append(True, np.diff(every) > _SAME_TIME_S)]
+    position, velocity = plan.at(every, _SAME_TIME_S)
+    force = plan.input_at(every, _SAME_TIME_S)
+    parts = [(position, velocity, force)]
+    for motion in motions:
+        there, now = motion.at(every, _SAME_TIME_S)
+        parts.append((there[:, None], now[:, None], motion.input_at(every, _SAME_TIME_S)[:, None]))
+    position, velocity, force = (np.concatenate(arrays, axis=1) for arrays in zip(*parts, strict=True))
+    return Path(every, position, velocity, force[:-1])
+
+
+def crossing(
+    plan: Trajectory,
+    state: FleetState,
+    fleet: FleetConstraints,
+    known: Iterable[Trajectory],
+    *,
+    eased: bool = False,
+) -> str | None:
+    """Return where a plan comes nearer to what another agent may hold than rho_B, in words; None where nowhere.
+
+    Where one of the `known` motions, which are flown otherwise, comes as near, it is no reason to refuse a plan. Fleets
+    that are too tight for it are `eased`: then everyone must have reported what it flies.
+    """
+    if eased:
+        return None if state.acknowledged else "some agent may hold several plans, and there is no room for that"
+    least, asked = separation_from_held(plan, state), _asked(fleet)
+    near = least < asked
+    if not near.any():
+        return None
+    for motion in known:
+        if not (least < np.minimum(asked, separation_from_held(motion, state) - tolerance_of(fleet))).any():
+            return None
+    one, other = np.unravel_index(int(np.argmin(np.where(near, least - asked, np.inf))), least.shape)
+    return f"{least[one, other]:.3g} m between {fleet.ids[one]} and a plan that {fleet.ids[other]} may hold"
+
+
+def _asked(fleet: FleetConstraints) -> FloatArray:
+    """Return (m, m) [m]: the distances that are required."""
+    asked = np.zeros((fleet.size, fleet.size))
+    one, two = np.triu_indices(fleet.size, k=1)
+    asked[one, two] = asked[two, one] = fleet.separations - tolerance_of(fleet)
+    return asked

@@ -1,0 +1,1 @@
+"""Who may speak: keys and certificates of a fleet, access control, and signed messages."""
