@@ -5,6 +5,8 @@ import pytest
 from service_fakes import straight_plan
 
 from mpc_cover.clock import VirtualClock
+from mpc_cover.service.agent.agent import Agent
+from mpc_cover.service.agent.recorder import MemoryRecorder
 from mpc_cover.service.protocol import bus
 from mpc_cover.service.protocol.decoding import Reason
 from mpc_cover.service.protocol.messages import PlanRef, encode
@@ -103,3 +105,12 @@ def test_the_record_ends_with_the_last_state(bench, agent, send):
     assert last.time_s == bench.clock.now()
     assert last.position == agent.plant.position.tolist()
     assert last.velocity[1] > 0.0
+
+
+def test_an_agent_that_is_told_where_it_stands_is_there_and_not_at_the_missions_start(bench):
+    stands = np.array([1.25, 2.5])
+    recorder = MemoryRecorder()
+    agent = Agent(bench.mission, "a1", bench.bus.join(), bench.clock, recorder=recorder, at=stands)
+    agent.startup()
+    assert bench.states()[-1].position == pytest.approx(stands)
+    assert recorder.pieces[0].position == pytest.approx(stands)
