@@ -79,7 +79,8 @@ def stop_proposal(
 ) -> Proposal:
     """Return a proposal that comes to rest: at once if that is safe, else as soon as it is along the incumbent plan."""
     for number, motion in enumerate(constraints.stopping_motions(state, incumbent)):
-        if constraints.keeps(motion, state) or incumbent is None:
+        safe = constraints.keeps(motion, state) and constraints.apart_from_held(motion, state, incumbent)
+        if safe or incumbent is None:
             return Proposal(motion, PlanSource.SHIFTED if number else PlanSource.REST, reason)
     return _brake(constraints, state, reason)
 

@@ -68,7 +68,8 @@ class LocalFrame:
         """Return a state of the fleet in local units."""
         obstacles = {index: self.local(motion) for index, motion in state.obstacles.items()}
         here, moving = self.position(state.position), self.vector(state.velocity)
-        return replace(state, position=here, velocity=moving, obstacles=obstacles)
+        held = {index: [self.local(motion) for motion in motions] for index, motions in state.held.items()}
+        return replace(state, position=here, velocity=moving, obstacles=obstacles, held=held)
 
     def local(self, motion: Trajectory) -> Trajectory:
         """Return a motion [m] in local units."""

@@ -1,5 +1,7 @@
 """The local frame: a mission that is moved or scaled is the same in it, and what comes back starts where it began."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -53,3 +55,19 @@ def test_a_motion_comes_back_from_the_given_state_and_obeys_the_dynamics(seed, f
         metric.position[0], metric.velocity[0], metric.velocity[1:], metric.start_time, metric.period
     )
     np.testing.assert_array_equal(own.position, metric.position)
+
+
+def test_whatever_others_may_fly_is_in_the_frame_as_well():
+    mission = build_mission(moved(scaled(RAW, 10.0), (300.0, -40.0)), "local")
+    frame, start = LocalFrame.of(mission), mission.fleet.start
+    plan = Trajectory.from_velocities(start, np.zeros_like(start), np.ones((4, *start.shape)), 0.0, 0.5)
+    state = replace(
+        FleetState.nominal(start, np.zeros_like(start), 0.0),
+        held={0: [plan.agent(0), plan.agent(1)]},
+        obstacles={1: plan.agent(1)},
+    )
+    inside = frame.state(state)
+    for index, motions in state.held.items():
+        for ours, theirs in zip(inside.held[index], motions, strict=True):
+            np.testing.assert_allclose(ours.position, frame.position(theirs.position), atol=1e-9)
+    np.testing.assert_allclose(inside.held[0][1].position, inside.obstacles[1].position)

@@ -286,19 +286,20 @@ class FleetMonitor:
         stale = set(self.stale(now_s))
         return [link.id for link in self.links if link.id not in stale and link.state and not link.state.at_rest]
 
-    def standing(self, now_s: float) -> dict[str, list[float]]:
-        """Return where agents stand by now, by their newest state or by braking since, (d,) [m], by id.
+    def standing(self, now_s: float) -> dict[str, tuple[list[float], float]]:
+        """Return where agents stand, (d,) [m], and in how many seconds they do, by id.
 
-        Those that would still be on their way are left out.
+        Those whose process has died brake from their newest state; those that fly are left out.
         """
-        places = {}
+        places, present = {}, set(self.present())
         for link, limit in zip(self.links, self._input_max, strict=True):
             if link.state is None:
                 continue
             position, velocity = link.planned()
             braking_s = float(np.linalg.norm(velocity)) / float(limit)
-            if now_s >= link.measured_s() + braking_s:
-                places[link.id] = (position + 0.5 * braking_s * velocity).tolist()
+            if not braking_s or link.id not in present:
+                left_s = max(0.0, link.measured_s() + braking_s - now_s)
+                places[link.id] = (position + 0.5 * braking_s * velocity).tolist(), left_s
         return places
 
     def freeze_clocks(self) -> None:

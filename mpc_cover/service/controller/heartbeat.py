@@ -72,7 +72,7 @@ class Heartbeat:
     ) -> None:
         """Publish the status and the map where they are due, and answer requests for the map."""
         now = self._clock.now()
-        last = step_log.last
+        last, standing = step_log.last, monitor.standing(now)
         status = Status(
             controller=self._identity,
             epoch=self.epoch,
@@ -93,7 +93,8 @@ class Heartbeat:
             lost=lost,
             text=self.text[:1000],
             instances={link.id: link.state.instance for link in monitor.links if link.state},
-            standing=monitor.standing(now),
+            standing={name: place for name, (place, _) in standing.items()},
+            still_in_s={name: left_s for name, (_, left_s) in standing.items() if left_s > 0.0},
         )
         changed = self.status is None or self.status.phase is not phase or self.status.lost != lost
         changed = changed or (self.status is not None and self.status.standing.keys() != status.standing.keys())

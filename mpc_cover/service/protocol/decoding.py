@@ -153,7 +153,8 @@ def decode_plan(payload: bytes, dimension: int) -> PlanMessage:
 def decode_status(payload: bytes) -> Status:
     """Return a status; RejectedError when it is none."""
     status = _decode(Status, payload)
-    require_finite((status.mission_time_s, status.step_ms, *(x for place in status.standing.values() for x in place)))
+    places = (x for place in status.standing.values() for x in place)
+    require_finite((status.mission_time_s, status.step_ms, *places, *status.still_in_s.values()))
     return status
 
 

@@ -139,7 +139,9 @@ class Status(Message, frozen=True, kw_only=True):
     instances: dict[str, str] = {}
     """Which process of each agent the controller listens to, by agent id."""
     standing: dict[str, Vector] = {}
-    """Where agents stand, as they report or by braking since, by id [m]: a simulated vehicle starts anew there."""
+    """Where agents stand, or come to rest whose process has died, by id [m]: a simulated vehicle starts anew there."""
+    still_in_s: dict[str, float] = {}
+    """In how many seconds of the controller's clock those come to rest that do not stand yet."""
 
 
 class MapMessage(Message, frozen=True, kw_only=True):

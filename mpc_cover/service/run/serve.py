@@ -154,7 +154,7 @@ def run_agent(mission: Mission, agent_id: str, options: AgentOptions, network: N
 
     check_agent_id(mission, agent_id)
     text = f"{agent_id}: agent of {mission.spec.name}, reaches {network.where}"
-    here = partial(standing_place, mission, agent_id)
+    here = partial(standing_place, mission, agent_id, speed=options.speed)
     agent, status = run_agent_process(Agent, mission, agent_id, options, network, text, here)
     if agent is not None and agent.taken_by:
         own = f"this one is instance {agent.instance[:8]}"

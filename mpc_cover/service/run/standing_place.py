@@ -22,16 +22,19 @@ if TYPE_CHECKING:
 ALIVE_S = 1.0
 """How long to ask the network at most whether there is a controller [s]; answers come in milliseconds."""
 ASK_S = 5.0
-"""How long to wait for a controller to say where the vehicle stands [s]: a status comes twice a second, and says so
-once the vehicle has braked. A plain choice, for busy machines."""
+"""How long to wait at most for a controller to say where the vehicle stands, and for it to have braked [s]: a status
+comes when a process has died. A plain choice, for busy machines."""
 POLL_S = 0.02
 """How often to look whether one has come [s]; a plain choice."""
 
 
-def standing_place(mission: Mission, agent_id: str, transport: Transport, stop: Event) -> FloatArray | None:
+def standing_place(
+    mission: Mission, agent_id: str, transport: Transport, stop: Event, *, speed: float = 1.0
+) -> FloatArray | None:
     """Return where a simulated vehicle stands, (d,) [m], by the status of a controller that has heard its agent before.
 
-    None where there is no controller, or it has never heard that agent: the vehicle stands at the mission's start.
+    None where there is no controller, or it has never heard that agent: the vehicle stands at the mission's start. It
+    returns when the vehicle has come to rest; `speed` is how many seconds of the controller's clock pass in one.
     """
     keys = Keys(mission.spec.name)
     statuses = transport.inbox(keys.status, 1, history=1)
@@ -43,6 +46,7 @@ def standing_place(mission: Mission, agent_id: str, transport: Transport, stop: 
             with contextlib.suppress(RejectedError):
                 status = decode_status(item.payload)
                 if agent_id in status.standing or agent_id not in status.instances:
+                    stop.wait(min(max(status.still_in_s.get(agent_id, 0.0) / speed, 0.0), ASK_S))
                     return _place_in(status, mission, agent_id)
         stop.wait(POLL_S)
     return None

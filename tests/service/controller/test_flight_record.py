@@ -67,10 +67,13 @@ def test_the_gap_of_an_agent_that_was_started_again_is_its_braking(mission):
     controller = bench.controller(StraightSweepLaw(mission, goal_y=3.5), recorders=own)
     bench.run(controller, until=lambda: controller.mission_time_s > 1.2)
     assert np.linalg.norm(second.plant.velocity) > 0.1
+    assert "a2" not in controller.fleet_monitor.standing(bench.clock.now()), "it flies"
     bench.kill(second)
-    assert "a2" not in controller.fleet_monitor.standing(bench.clock.now())
-    bench.run(controller, seconds=1.5)
-    place = controller.fleet_monitor.standing(bench.clock.now())["a2"]
+    bench.run(controller, seconds=0.5)
+    place, left_s = controller.fleet_monitor.standing(bench.clock.now())["a2"]
+    assert 0.0 < left_s <= 1.0
+    bench.run(controller, seconds=1.0)
+    assert controller.fleet_monitor.standing(bench.clock.now())["a2"] == (place, 0.0)
     bench.agent("a2", instance="a2-again", place=place)
     bench.run(controller, until=lambda: controller.done)
     controller.shutdown()
