@@ -22,6 +22,7 @@ class FailureMode(Enum):
 
     PROCESS_DIED = "its process died: its own deadman brakes it, as hard as it can, and it stays there"
     LINK_LOST = "it cannot be heard: it flies its plan to the end, at rest"
+    CONTRADICTS = "it reports places where its plan does not lead: it flies any plan that it was sent, or stays there"
 
 
 class FailureDetector:
@@ -67,7 +68,7 @@ class FailureDetector:
                 self.lost[index] = FailureMode.PROCESS_DIED
             elif link.id not in not_ready:
                 recovered.append(index)
-            elif self._flies(link, now_s):
+            elif self.lost[index] is not FailureMode.CONTRADICTS and self._flies(link, now_s):
                 self.lost[index] = FailureMode.LINK_LOST
         return recovered
 

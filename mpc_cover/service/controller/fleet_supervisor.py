@@ -99,6 +99,9 @@ class FleetSupervisor:
             return self._reason_to_regroup(now_s)
         lost = self._detector.lost
         recovered, failures = self._detector.recovered(now_s, patience_s), self._detector.newly_lost(now_s)
+        contradicting = self._contradicting()
+        recovered = [index for index in recovered if index not in contradicting and self._is_believed_again(index)]
+        failures |= {i: FailureMode.CONTRADICTS for i in contradicting if i not in lost and i not in failures}
         if len(lost) - len(recovered) + len(failures) == len(self._ids):
             self._detector.lost = {}
             return "nobody is heard"
@@ -109,6 +112,15 @@ class FleetSupervisor:
             lost[index] = failure
             self._note_loss(index)
         return ""
+
+    def _is_believed_again(self, index: int) -> bool:
+        """Return whether nothing speaks against a lost agent's reports."""
+        contradicted = self._detector.lost[index] is FailureMode.CONTRADICTS
+        return not contradicted or self._predictor.rests_at_an_end(index, self.monitor.links[index])
+
+    def _contradicting(self) -> set[int]:
+        """Return the agents whose newest reports cannot be true."""
+        return {index for index, link in enumerate(self.monitor.links) if self._predictor.contradicts(index, link)}
 
     def not_ready(self, now_s: float, patience_s: float) -> list[str]:
         """Return why agents that are not lost are not ready: not present, or not at rest."""
@@ -184,6 +196,8 @@ class FleetSupervisor:
         if link.state is None:
             return resting(self._rest_positions[index])
         end_s = link.measured_s() + FAR_HORIZONS * self._horizon_s
+        if self._detector.lost[index] is FailureMode.CONTRADICTS:
+            return resting(self._predictor.held_if_not_believed(index, link)[-1].position[-1])
         if self._detector.lost[index] is FailureMode.LINK_LOST:
             try:
                 return resting(self._predictor.predict(index, link, end_s, self._speeds.speed_max(index, link))[0])
@@ -194,7 +208,7 @@ class FleetSupervisor:
     def _stopping_motion(self, index: int, origin_s: float) -> Trajectory | None:
         """Return how a lost agent comes to rest, in mission time; None when that is not known."""
         link = self.monitor.links[index]
-        if link.state is None:
+        if link.state is None or self._detector.lost[index] is FailureMode.CONTRADICTS:
             return None
         died = self._detector.lost[index] is FailureMode.PROCESS_DIED
         died_s = self.monitor.token_lost_s(link) if died else None
@@ -216,6 +230,8 @@ class FleetSupervisor:
         if self._detector.lost.get(index) is FailureMode.LINK_LOST and link.state is not None:
             with suppress(UnknownPlanError):
                 places += [motion.position[-1] for motion in self._predictor.held(index, link, np.inf)]
+        if self._detector.lost.get(index) is FailureMode.CONTRADICTS:
+            places += [motion.position[-1] for motion in self._predictor.held_if_not_believed(index, link)]
         different = np.unique(np.array(places), axis=0)
         return [Trajectory.at_rest(place, state.time, self._period_s, 1) for place in different]
 
@@ -230,7 +246,9 @@ class FleetSupervisor:
         link = self.monitor.links[index]
         if link.state is None or self._detector.lost.get(index) is FailureMode.PROCESS_DIED:
             return []
-        motions = self._predictor.held(index, link, time_s)
+        believed = self._detector.lost.get(index) is not FailureMode.CONTRADICTS
+        motions = self._predictor.held_if_not_believed(index, link)
+        motions = self._predictor.held(index, link, time_s) if believed else motions
         return [motion.shift(link.offset - origin_s) for motion in motions]
 
     def _reason_to_regroup(self, now_s: float) -> str:
@@ -242,6 +260,8 @@ class FleetSupervisor:
 
     def _note_loss(self, index: int) -> None:
         name = self._ids[index]
+        if self._detector.lost[index] is FailureMode.CONTRADICTS:
+            self._emit(_kind("off", name), f"{name} reports a place where its plan does not lead: it is not believed")
         self._emit(_kind("lost", name), f"{name} is lost: its work is shared out")
 
     def _readmit(self, index: int) -> None:

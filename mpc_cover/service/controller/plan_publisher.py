@@ -161,6 +161,10 @@ class PlanPublisher:
                 since.append(sent.plan)
         return since
 
+    def sent(self, index: int) -> list[ScheduledPlan]:
+        """Return the plans that agent number `index` was sent, as far as they are remembered."""
+        return [sent.plan for sent in self._sent[index]]
+
     def find(self, index: int, ref: PlanRef | None) -> ScheduledPlan | None:
         """Return the plan with an id that was sent to agent number `index`; None for no id.
 

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from mpc_cover.service.controller.fleet_monitor import AgentLink
     from mpc_cover.service.controller.plan_publisher import PlanPublisher
 
+_OFF_MAX = 0.1
+"""Distance from its plan, in sensing radii, from which an agent's reports are not believed: far above rounding and the
+tolerance of a plan's start. Plain choice. Disturbed agents are asked for what they track, not for where they are."""
+
 
 class StatePredictor:
     """Predicts agents from their newest reports, to times of the controller's clock.
@@ -34,6 +38,7 @@ class StatePredictor:
         self._mission, self._plan_publisher = mission, plan_publisher
         self._input_max, self._speed_max = fleet.input_max, fleet.speed_max
         self._state_period_s = mission.spec.control.state_period_s
+        self._off_max_m = _OFF_MAX * fleet.sensing_radius_min
         self._tracking = tracking_of(mission) if disturbs_motion(mission.spec.disturbance) else None
 
     def off_track(self, link: AgentLink) -> bool:
@@ -112,6 +117,31 @@ class StatePredictor:
         except UnknownPlanError:
             return newest
         return Plant(last_s, position, velocity)
+
+    def contradicts(self, index: int, link: AgentLink) -> bool:
+        """Return whether an agent reports a place where the plan that it says to fly does not lead at that time."""
+        if link.state is None or link.state.plan is None:
+            return False
+        try:
+            plan = self._plan_publisher.find(index, link.state.plan)
+        except UnknownPlanError:
+            return False
+        assert plan is not None
+        off = np.linalg.norm(link.planned()[0] - plan.motion.at(link.state.time_s)[0])
+        return bool(off > self._off_max_m)
+
+    def rests_at_an_end(self, index: int, link: AgentLink) -> bool:
+        """Return whether an agent reports the end of a plan that it was sent: where it is, if it speaks true."""
+        here = link.measured()[0]
+        ends = [plan.motion.position[-1] for plan in self._plan_publisher.sent(index)]
+        return any(bool(np.linalg.norm(here - end) <= self._off_max_m) for end in ends)
+
+    def held_if_not_believed(self, index: int, link: AgentLink) -> list[Trajectory]:
+        """Return the motions, in its own clock, of which an agent flies one whose reports are not believed."""
+        assert link.state is not None
+        here = link.measured()[0]
+        rest = Trajectory.at_rest(here, link.state.time_s, self._state_period_s, 1)
+        return [rest, *(plan.motion for plan in self._plan_publisher.sent(index))]
 
     def held(self, index: int, link: AgentLink, time_s: float) -> list[Trajectory]:
         """Return the motions, in its own clock, of which an agent flies one from `time_s` of the controller's on.
