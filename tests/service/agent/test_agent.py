@@ -110,7 +110,7 @@ def test_the_record_ends_with_the_last_state(bench, agent, send):
 def test_an_agent_that_is_told_where_it_stands_is_there_and_not_at_the_missions_start(bench):
     stands = np.array([1.25, 2.5])
     recorder = MemoryRecorder()
-    agent = Agent(bench.mission, "a1", bench.bus.join(), bench.clock, recorder=recorder, at=stands)
+    agent = Agent(bench.mission, "a1", bench.bus.join(), bench.clock, recorder=recorder, place=stands)
     agent.startup()
     assert bench.states()[-1].position == pytest.approx(stands)
     assert recorder.pieces[0].position == pytest.approx(stands)
