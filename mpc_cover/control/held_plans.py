@@ -80,8 +80,8 @@ def crossing(
 ) -> str | None:
     """Return where a plan comes nearer to what another agent may hold than rho_B, in words; None where nowhere.
 
-    Where one of the `known` motions, which are flown otherwise, comes as near, it is no reason to refuse a plan. Fleets
-    that are too tight for it are `eased`: then everyone must have reported what it flies.
+    Where even the best of the `known` motions comes as near, one of which is flown otherwise, that is no reason to
+    refuse a plan. Fleets that are too tight for it are `eased`: then everyone must have reported what it flies.
     """
     if eased:
         return None if state.acknowledged else "some agent may hold several plans, and there is no room for that"
@@ -89,9 +89,10 @@ def crossing(
     near = least < asked
     if not near.any():
         return None
-    for motion in known:
-        if not (least < np.minimum(asked, separation_from_held(motion, state) - tolerance_of(fleet))).any():
-            return None
+    attained = [separation_from_held(motion, state) for motion in known]
+    best = max(attained, key=lambda there: float((there - asked).min()), default=None)
+    if best is not None and (best < asked).any() and (least >= np.minimum(asked, best - tolerance_of(fleet))).all():
+        return None
     one, other = np.unravel_index(int(np.argmin(np.where(near, least - asked, np.inf))), least.shape)
     return f"{least[one, other]:.3g} m between {fleet.ids[one]} and a plan that {fleet.ids[other]} may hold"
 

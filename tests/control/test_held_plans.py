@@ -124,6 +124,8 @@ def test_what_is_flown_otherwise_is_the_measure_where_there_is_no_room():
     assert crossing(stays, crowded, FLEET, [stays]) is None
     nearer = state.trajectory(np.array([[[0.1, 0.0]] * 3, [[0.0, 0.0]] * 3]), PERIOD)
     assert crossing(nearer, crowded, FLEET, [stays]) is not None
+    away = Trajectory.at_rest(START + np.array([5.0, 5.0]), 0.0, PERIOD, 4)
+    assert crossing(stays, crowded, FLEET, [stays, away]) is not None, "one that is apart leaves no excuse"
 
 
 def test_tight_fleets_are_eased_only_while_it_is_known_what_everyone_flies():

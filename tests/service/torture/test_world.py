@@ -3,6 +3,7 @@
 import pytest
 from service_fakes import small_mission
 
+from mpc_cover.mission.load import load_mission
 from mpc_cover.service.torture.faults import CONTROLLER, Fault, FaultKind
 from mpc_cover.service.torture.faulty_law import SOLVER_FAULTS
 from mpc_cover.service.torture.world import fly
@@ -121,3 +122,17 @@ def test_a_controller_that_was_taken_over_finds_that_out_and_nobody_flies_its_pl
     assert said(outcome, "controller of epoch 2 starts")
     assert said(outcome, "a controller of epoch 2 has taken over")
     assert not outcome.violations
+
+
+@pytest.mark.parametrize(
+    ("fault", "seed"),
+    [
+        (Fault(FaultKind.STOPS, 2.51, 4.90, ("a1",)), 0),
+        (Fault(FaultKind.FROZEN, 1.42, 4.60, ("a3",)), 15),
+    ],
+)
+def test_nobody_comes_too_near_to_who_flies_what_it_may_hold(fault, seed):
+    """Each collided once: a plan was made for agents that flew earlier plans than was thought."""
+    outcome = fly(load_mission("crowded-3"), [fault], seed, limit_s=60.0)
+    assert "separation" not in {violation.what for violation in outcome.violations}
+    assert outcome.smallest_m >= 0.5
