@@ -10,7 +10,7 @@ from tiny_mission import TINY
 
 from mpc_cover.cli import app
 
-RESUMED = {"study horizon", "study robustness"}
+RESUMED = {"study horizon", "study robustness", "torture"}
 """These add what is missing to the results of an earlier run of the same study, and refuse everything else."""
 
 WRITES = {
