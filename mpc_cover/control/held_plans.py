@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpc_cover.verification.path import Path
-from mpc_cover.verification.separation import smallest_separations
+from mpc_cover.verification.separation import are_far_apart, smallest_separations
 from mpc_cover.verification.tolerance import tolerance_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
     from mpc_cover.arrays import FloatArray, IntArray
     from mpc_cover.model.fleet_constraints import FleetConstraints
@@ -35,27 +35,25 @@ def separation_from_held(plan: Trajectory, state: FleetState) -> FloatArray:
     """
     agents = plan.position.shape[1]
     least = np.full((agents, agents), np.inf)
-    owner = np.array([index for index, motions in sorted(state.held.items()) for _ in motions], dtype=np.intp)
-    motions = [motion for _, several in sorted(state.held.items()) for motion in several]
-    if not motions:
+    if (pairs := _pairs(state)) is None:
         return least
-    flying, held = _pairs(owner, state)
-    if not flying.size:
-        return least
-    distance = smallest_separations(_beside(plan, motions), (flying, agents + held))
-    np.minimum.at(least, (flying, owner[held]), distance)
+    flying, held, owner = pairs
+    distance = smallest_separations(_beside(plan, state), (flying, agents + held))
+    np.minimum.at(least, (flying, owner), distance)
     return least
 
 
-def _pairs(owner: IntArray, state: FleetState) -> tuple[IntArray, IntArray]:
-    """Return who flies a new plan, and which of the held motions, each with its owner, are another's."""
-    flying, held = np.meshgrid(np.flatnonzero(~state.lost), np.arange(owner.size), indexing="ij")
-    other = flying != owner[held]
-    return flying[other], held[other]
+def _pairs(state: FleetState) -> tuple[IntArray, IntArray, IntArray] | None:
+    """Return (P,) who flies a new plan, which held motion is another's, and whose; None where there are none."""
+    owners = np.array([index for index, motions in sorted(state.held.items()) for _ in motions], dtype=np.intp)
+    flying, held = np.meshgrid(np.flatnonzero(~state.lost), np.arange(owners.size), indexing="ij")
+    other = flying != owners[held]
+    return (flying[other], held[other], owners[held[other]]) if other.any() else None
 
 
-def _beside(plan: Trajectory, motions: Sequence[Trajectory]) -> Path:
-    """Return the path of a plan (m agents), and beside it that of each of the motions, until all are at rest."""
+def _beside(plan: Trajectory, state: FleetState) -> Path:
+    """Return the path of a plan (m agents), and beside it that of each of the held motions, until all are at rest."""
+    motions = [motion for _, several in sorted(state.held.items()) for motion in several]
     begin, end = plan.start_time, max([plan.end_time, *(motion.end_time for motion in motions)])
     every = np.concatenate([plan.time, *(motion.time for motion in motions), [end]])
     every = np.unique(every[(every >= begin) & (every <= end)])
@@ -85,7 +83,13 @@ def crossing(
     """
     if eased:
         return None if state.acknowledged else "some agent may hold several plans, and there is no room for that"
-    least, asked = separation_from_held(plan, state), _asked(fleet)
+    pairs, asked = _pairs(state), _asked(fleet)
+    if pairs is None:
+        return None
+    flying, held, owner = pairs
+    if are_far_apart(_beside(plan, state), (flying, fleet.size + held), asked[flying, owner]):
+        return None
+    least = separation_from_held(plan, state)
     near = least < asked
     if not near.any():
         return None

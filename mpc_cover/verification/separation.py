@@ -51,6 +51,11 @@ def smallest_separations(path: Path, pair: tuple[IntArray, IntArray] | None = No
     return np.asarray(np.min(each, axis=0))
 
 
+def are_far_apart(path: Path, pair: tuple[IntArray, IntArray], least: FloatArray) -> bool:
+    """Return whether bounds on intervals show that (P,) pairs keep `least` (P,) [m]; False where they do not tell."""
+    return all(bool((_lower_bound(*piece.relative(pair)) >= least).all()) for piece in path.pieces())
+
+
 def _smallest_of_each(path: Path, pair: tuple[IntArray, IntArray]) -> FloatArray:
     a, b, c = path.relative(pair)
     least = np.linalg.norm(np.concatenate([a, (a + b + c)[-1:]]), axis=-1).min(axis=0)

@@ -11,7 +11,12 @@ from hypothesis.extra.numpy import arrays
 
 from mpc_cover.verification.motion import verify_motion
 from mpc_cover.verification.path import Path
-from mpc_cover.verification.separation import closest_approach, smallest_separation, smallest_separations
+from mpc_cover.verification.separation import (
+    are_far_apart,
+    closest_approach,
+    smallest_separation,
+    smallest_separations,
+)
 
 PART = np.linspace(0.0, 1.0, 2001)[:, None, None]
 
@@ -191,3 +196,11 @@ def test_smallest_separations_along_a_path_that_is_worked_on_piece_by_piece():
 def test_nobody_is_near_a_lone_agent():
     zero = np.zeros((2, 1, 2))
     assert smallest_separations(Path(np.array([0.0, 1.0]), zero, zero, zero[:1])).size == 0
+
+
+@given(flights(), st.floats(0.0, 3.0))
+def test_who_is_far_apart_by_bounds_is_so(path, asked):
+    least = smallest_separations(path)
+    if are_far_apart(path, path.pair, np.full(least.size, asked)):
+        assert (least >= asked - 1e-9).all()
+    assert not are_far_apart(path, path.pair, least + 1e-6)
