@@ -8,7 +8,7 @@ plan, and nobody is sent into its way. With everyone's reports in, that is one p
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -33,22 +33,31 @@ def separation_from_held(plan: Trajectory, state: FleetState) -> FloatArray:
 
     inf where nothing is held, on the diagonal, and for parts of lost agents, which are not sent any.
     """
-    agents = plan.position.shape[1]
-    least = np.full((agents, agents), np.inf)
-    if (pairs := _pairs(state)) is None:
-        return least
-    flying, held, owner = pairs
-    distance = smallest_separations(_beside(plan, state), (flying, agents + held))
-    np.minimum.at(least, (flying, owner), distance)
-    return least
+    pairs = _pairs(state)
+    least = np.full((state.lost.size, state.lost.size), np.inf)
+    return least if pairs is None else _least(_beside(plan, state), pairs, least)
 
 
-def _pairs(state: FleetState) -> tuple[IntArray, IntArray, IntArray] | None:
-    """Return (P,) who flies a new plan, which held motion is another's, and whose; None where there are none."""
+class _Pairs(NamedTuple):
+    """(P,) who flies a new plan, the column of `_beside` of what another agent may hold, and which agent that is."""
+
+    flying: IntArray
+    column: IntArray
+    owner: IntArray
+
+
+def _pairs(state: FleetState) -> _Pairs | None:
+    """Return who may meet which held motion of another; None where there are none."""
     owners = np.array([index for index, motions in sorted(state.held.items()) for _ in motions], dtype=np.intp)
     flying, held = np.meshgrid(np.flatnonzero(~state.lost), np.arange(owners.size), indexing="ij")
     other = flying != owners[held]
-    return (flying[other], held[other], owners[held[other]]) if other.any() else None
+    return _Pairs(flying[other], state.lost.size + held[other], owners[held[other]]) if other.any() else None
+
+
+def _least(path: Path, pairs: _Pairs, least: FloatArray) -> FloatArray:
+    """Return `least` (m, m) [m] with the smallest distances of the pairs in it."""
+    np.minimum.at(least, (pairs.flying, pairs.owner), smallest_separations(path, (pairs.flying, pairs.column)))
+    return least
 
 
 def _beside(plan: Trajectory, state: FleetState) -> Path:
@@ -86,10 +95,10 @@ def crossing(
     pairs, asked = _pairs(state), _asked(fleet)
     if pairs is None:
         return None
-    flying, held, owner = pairs
-    if are_far_apart(_beside(plan, state), (flying, fleet.size + held), asked[flying, owner]):
+    path = _beside(plan, state)
+    if are_far_apart(path, (pairs.flying, pairs.column), asked[pairs.flying, pairs.owner]):
         return None
-    least = separation_from_held(plan, state)
+    least = _least(path, pairs, np.full(asked.shape, np.inf))
     near = least < asked
     if not near.any():
         return None

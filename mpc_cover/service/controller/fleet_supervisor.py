@@ -129,14 +129,19 @@ class FleetSupervisor:
 
     def state_at_rest(self, mission_time_s: float) -> FleetState:
         """Return the state of a fleet at rest: by its plans, and of lost agents where they rest."""
-        links, lost = list(enumerate(self.monitor.links)), self._detector.lost
-        state = self._state([self._rest_of(i) if i in lost else link.planned() for i, link in links], mission_time_s)
-        return replace(state, held={i: self._held_at_rest(i, state) for i, _ in links})
+        state = self._state(self._states_at_rest(), mission_time_s)
+        return replace(state, held={i: self._held_at_rest(i, state) for i in range(len(self._ids))})
 
     def moved_since(self, state: FleetState) -> bool:
         """Return whether any agent that is not lost has moved since a state at rest."""
         active = [index for index in range(len(self._ids)) if index not in self._detector.lost]
-        return bool((np.abs(self.state_at_rest(state.time).position - state.position)[active] > MOVED_M).any())
+        position = np.array([here for here, _ in self._states_at_rest()])
+        return bool((np.abs(position - state.position)[active] > MOVED_M).any())
+
+    def _states_at_rest(self) -> list[MotionState]:
+        """Return the state of each agent of a fleet at rest."""
+        links, lost = enumerate(self.monitor.links), self._detector.lost
+        return [self._rest_of(i) if i in lost else link.planned() for i, link in links]
 
     def predict(self, time_s: float, mission_time_s: float, origin_s: float) -> FleetState:
         """Return the state of the fleet at `time_s` of the controller's clock; mission time 0 is at `origin_s` of it.
@@ -226,30 +231,31 @@ class FleetSupervisor:
         Plans whose beginning it may not have received leave several.
         """
         places = [state.position[index]]
-        link = self.monitor.links[index]
-        if self._detector.lost.get(index) is FailureMode.LINK_LOST and link.state is not None:
+        if index in self._detector.lost:
             with suppress(UnknownPlanError):
-                places += [motion.position[-1] for motion in self._predictor.held(index, link, np.inf)]
-        if self._detector.lost.get(index) is FailureMode.CONTRADICTS:
-            places += [motion.position[-1] for motion in self._predictor.held_if_not_believed(index, link)]
+                places += [motion.position[-1] for motion in self._may_fly(index, np.inf)]
         different = np.unique(np.array(places), axis=0)
         return [Trajectory.at_rest(place, state.time, self._period_s, 1) for place in different]
 
     def _held(self, index: int, time_s: float, origin_s: float) -> list[Trajectory]:
-        """Return the motions, in mission time, of which an agent flies one; none of one whose process died.
+        """Return the motions, in mission time, of which an agent flies one; see `_may_fly`."""
+        later_s = self.monitor.links[index].offset - origin_s
+        return [motion.shift(later_s) for motion in self._may_fly(index, time_s)]
+
+    def _may_fly(self, index: int, time_s: float) -> list[Trajectory]:
+        """Return the motions, in its clock, of which an agent flies one; none of one whose process died.
 
         Raises
         ------
         UnknownPlanError
             See `predict`.
         """
-        link = self.monitor.links[index]
-        if link.state is None or self._detector.lost.get(index) is FailureMode.PROCESS_DIED:
+        link, failure = self.monitor.links[index], self._detector.lost.get(index)
+        if link.state is None or failure is FailureMode.PROCESS_DIED:
             return []
-        believed = self._detector.lost.get(index) is not FailureMode.CONTRADICTS
-        motions = self._predictor.held_if_not_believed(index, link)
-        motions = self._predictor.held(index, link, time_s) if believed else motions
-        return [motion.shift(link.offset - origin_s) for motion in motions]
+        if failure is FailureMode.CONTRADICTS:
+            return self._predictor.held_if_not_believed(index, link)
+        return self._predictor.held(index, link, time_s)
 
     def _reason_to_regroup(self, now_s: float) -> str:
         if self.monitor.restarted:

@@ -138,10 +138,8 @@ class StatePredictor:
 
     def held_if_not_believed(self, index: int, link: AgentLink) -> list[Trajectory]:
         """Return the motions, in its own clock, of which an agent flies one whose reports are not believed."""
-        assert link.state is not None
-        here = link.measured()[0]
-        rest = Trajectory.at_rest(here, link.state.time_s, self._state_period_s, 1)
-        return [rest, *(plan.motion for plan in self._plan_publisher.sent(index))]
+        sent = (plan.motion for plan in self._plan_publisher.sent(index))
+        return [self._rest_at(link, link.measured()[0]), *sent]
 
     def held(self, index: int, link: AgentLink, time_s: float) -> list[Trajectory]:
         """Return the motions, in its own clock, of which an agent flies one from `time_s` of the controller's on.
@@ -157,8 +155,12 @@ class StatePredictor:
         motions = [plan.motion for plan in self._plan_publisher.may_fly(index, link, time_s)]
         if link.state.plan is not None or link.state.next_plan is not None:
             return motions
-        here = link.planned()[0]
-        return [Trajectory.at_rest(here, link.state.time_s, self._state_period_s, 1), *motions]
+        return [self._rest_at(link, link.planned()[0]), *motions]
+
+    def _rest_at(self, link: AgentLink, position: FloatArray) -> Trajectory:
+        """Return the motion, in its clock, of an agent that stays at (d,) [m] from its newest report on."""
+        assert link.state is not None
+        return Trajectory.at_rest(position, link.state.time_s, self._state_period_s, 1)
 
     def settled(self, index: int, link: AgentLink) -> bool:
         """Return whether an agent is at rest, and has no plan left that moves it.
