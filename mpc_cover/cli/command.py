@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import sys
+from functools import partial
 from typing import Annotated
 
 import typer
 
-from mpc_cover.cli.network_options import (
-    Config,
-    Connect,
-    CredentialsFolder,
-    Insecure,
-    Timeout,
-    credentials_for,
-    network_options,
-)
+from mpc_cover.cli.network_options import Config, Connect, CredentialsFolder, Insecure, Timeout  # noqa: TC001 - typer reads them
+from mpc_cover.cli.operator import replied
 from mpc_cover.cli.options import Json, MissionArgument, load, print_json
 from mpc_cover.errors import UserError
 from mpc_cover.exit_status import exit_status
@@ -38,23 +31,21 @@ def command(
     Without -e and --config it connects to tcp/127.0.0.1:7474, where `mpc-cover serve` listens; with --credentials,
     those of the operator, to tls/127.0.0.1:7474. Exit status 1 when the controller refuses, or does not answer.
     """
-    from mpc_cover.service.credentials.roles import OPERATOR  # noqa: PLC0415 - --help needs none of these
-    from mpc_cover.service.protocol.bus import RequestError, UnreachableError  # noqa: PLC0415
-    from mpc_cover.service.protocol.messages import CommandName  # noqa: PLC0415
+    from mpc_cover.service.protocol.messages import CommandName  # noqa: PLC0415 - --help needs none of these
     from mpc_cover.service.run.command import command as run_command  # noqa: PLC0415
 
     if name not in NAMES:
         raise UserError(f"command {name!r}: is none: must be one of {', '.join(NAMES)}")
     loaded = load(mission)
-    who = credentials_for(credentials, OPERATOR, "command", insecure=insecure)
-    network = network_options(
-        connect, None, config, connect_timeout, credentials=who, insecure=insecure, default="connect"
+    reply = replied(
+        partial(run_command, loaded.spec.name, CommandName(name)),
+        "command",
+        connect=connect,
+        config=config,
+        timeout_s=connect_timeout,
+        credentials=credentials,
+        insecure=insecure,
     )
-    try:
-        reply = run_command(loaded.spec.name, CommandName(name), network)
-    except (UnreachableError, RequestError) as error:
-        sys.stderr.write(f"mpc-cover: {error}\n")
-        raise typer.Exit(exit_status(holds=False)) from None
     if as_json:
         print_json({"mission": loaded.spec.name, "accepted": reply.accepted, "phase": reply.phase, "text": reply.text})
     typer.echo(reply.text, err=as_json or not reply.accepted)

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from typing import TYPE_CHECKING
 
 import typer
 
-from mpc_cover.cli.network_options import (
-    Config,
-    Connect,
-    CredentialsFolder,
-    Insecure,
-    Timeout,
-    credentials_for,
-    network_options,
-)
+from mpc_cover.cli.network_options import Config, Connect, CredentialsFolder, Insecure, Timeout  # noqa: TC001 - typer reads them
+from mpc_cover.cli.operator import replied
 from mpc_cover.cli.options import Json, MissionArgument, load, print_json
 from mpc_cover.exit_status import exit_status
 
@@ -38,21 +32,19 @@ def retask(
     controller refuses, or does not answer.
     """
     from mpc_cover.control.factory import require_double  # noqa: PLC0415 - --help needs none of these
-    from mpc_cover.service.credentials.roles import OPERATOR  # noqa: PLC0415
-    from mpc_cover.service.protocol.bus import RequestError, UnreachableError  # noqa: PLC0415
     from mpc_cover.service.run.retask import retask as run_retask  # noqa: PLC0415
 
     loaded = load(mission)
     require_double(loaded)
-    who = credentials_for(credentials, OPERATOR, "retask", insecure=insecure)
-    network = network_options(
-        connect, None, config, connect_timeout, credentials=who, insecure=insecure, default="connect"
+    reply = replied(
+        partial(run_retask, loaded),
+        "retask",
+        connect=connect,
+        config=config,
+        timeout_s=connect_timeout,
+        credentials=credentials,
+        insecure=insecure,
     )
-    try:
-        reply = run_retask(loaded, network)
-    except (UnreachableError, RequestError) as error:
-        sys.stderr.write(f"mpc-cover: {error}\n")
-        raise typer.Exit(exit_status(holds=False)) from None
     _print(reply, loaded.spec.name, as_json=as_json)
     raise typer.Exit(exit_status(holds=reply.accepted))
 
